@@ -1,0 +1,2 @@
+"""paintit"""
+from paintit._version import __version__ as __version__

