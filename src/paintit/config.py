@@ -1,18 +1,19 @@
-"""Every setting of a paint, as frozen dataclasses; presets; TOML in and out. No torch here, so ``--help`` is quick.
+"""Every setting of a paint, as frozen dataclasses, and the presets. No torch here, so ``--help`` is quick.
 
-The command line, a TOML file and Python spell a setting the same way. A preset is a complete ``PaintConfig``; a TOML file
-replaces values of the preset, flags replace values of the file. Unknown keys are errors.
+The command line, a TOML file and Python spell a setting the same way (``settings.py`` reads, writes and checks them). A
+preset is a complete ``PaintConfig``; a TOML file replaces values of the preset, flags replace values of the file.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 from paintit.errors import UsageError
+
+#: How an open choice (None in Python) is written in TOML and on the command line.
+RANDOM = "random"
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,9 @@ class TextureConfig:
     """Largest tilt of the normal map along each tangent axis, before normalisation."""
     tv_weight: float = 0.0
     """Weight of total variation on the base colour; for ``pixels`` (eq. 4)."""
+    precision: Literal["float32", "bfloat16"] = "float32"
+    """Arithmetic inside the U-Net; weights, statistics and maps stay float32. bfloat16 is quicker where the processor
+    has it and slower where it has not."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,9 @@ class ViewConfig:
 class PromptConfig:
     """Words around the prompt."""
 
-    template: str = "a DSLR photo of {prompt}, best quality, high quality, extremely detailed, good geometry, {view} view"
+    template: str = (
+        "a DSLR photo of {prompt}, best quality, high quality, extremely detailed, good geometry, {view} view"
+    )
     """``{prompt}`` and, optionally, ``{view}`` (front, side, back, overhead) are filled in."""
     negative: str = "deformed, extra digit, fewer digits, cropped, worst quality, low quality, smoke"
     """What the unconditional half sees."""
@@ -184,15 +190,17 @@ def preset(name: str) -> PaintConfig:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """Nested plain dict of a config, tuples as lists, None left out (TOML has no null: ``"random"`` etc. stay implicit)."""
-    out: dict[str, Any] = {}
-    for f in dataclasses.fields(config):
-        value = getattr(config, f.name)
-        if dataclasses.is_dataclass(value):
-            out[f.name] = to_dict(value)
-        elif isinstance(value, tuple):
-            out[f.name] = [to_dict(v) if dataclasses.is_dataclass(v) else list(v) if isinstance(v, tuple) else v
-                           for v in value]
-        elif value is not None:
-            out[f.name] = value
-    return out
+    """Nested plain dict of a config: tuples become lists, an open choice (``None``) becomes ``"random"``.
+
+    ``settings.from_dict(to_dict(config), base) == config`` for every base.
+    """
+    return {f.name: plain(getattr(config, f.name)) for f in dataclasses.fields(config)}
+
+
+def plain(value: Any) -> Any:
+    """One value as TOML and JSON can hold it."""
+    if dataclasses.is_dataclass(value):
+        return to_dict(value)
+    if isinstance(value, tuple):
+        return [plain(v) for v in value]
+    return RANDOM if value is None else value

@@ -25,7 +25,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Part:
-    """A contiguous run of faces that came from one primitive of the source file (one OBJ object, one glTF primitive)."""
+    """A contiguous run of faces from one primitive of the source file (one OBJ object, one glTF primitive)."""
 
     name: str
     faces: tuple[int, int]
@@ -59,7 +59,9 @@ class Report:
     notes: tuple[str, ...] = ()
     """Plain sentences such as ``"triangulated 160 quads"``; repairs and oddities alike, never silent."""
     uv_origin: str = "file"
-    """``"file"`` (kept) or ``"unwrapped"`` (made by us)."""
+    """``"file"`` (kept) or ``"unwrapped"`` (made by us for at least one layer)."""
+    unwrapped_layers: tuple[int, ...] = ()
+    """Layers whose texture coordinates were made by us."""
 
 
 @dataclass(frozen=True)

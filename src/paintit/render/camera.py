@@ -36,7 +36,7 @@ class Cameras:
         return Cameras(self.eye[index], self.target[index], self.azimuth[index], self.elevation[index], self.fov)
 
     def frame(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Right, up and backward unit axes, each (n, 3): the rows of the world-to-camera rotation (camera looks at -Z)."""
+        """Right, up and backward unit axes, each (n, 3): rows of the world-to-camera rotation (it looks at -Z)."""
         backward = torch.nn.functional.normalize(self.eye - self.target, dim=-1)
         world_up = torch.tensor([0.0, 1.0, 0.0], dtype=backward.dtype).expand_as(backward)
         right = torch.nn.functional.normalize(torch.linalg.cross(world_up, backward), dim=-1)
@@ -88,8 +88,8 @@ def random_views(
 
     ``front_first`` makes view 0 the exact front, as the official script does.
     """
-    elevation = uniform(*map(math.radians, elevation_deg), count, generator)
-    azimuth = uniform(*map(math.radians, azimuth_deg), count, generator)
+    elevation = uniform(math.radians(elevation_deg[0]), math.radians(elevation_deg[1]), count, generator)
+    azimuth = uniform(math.radians(azimuth_deg[0]), math.radians(azimuth_deg[1]), count, generator)
     if front_first:
         elevation[0] = azimuth[0] = 0.0
     return look_at(azimuth, elevation, radius, math.radians(fov_deg), target)

@@ -1,0 +1,53 @@
+# make paint    install, paint the bundled cow with the built-in prior, print the path of a GLB
+# make test     install, run the tests (about ten minutes on two cores)
+# make lint     ruff, pyright, the layer contract
+# make bench    seconds per step, split by stage, at three mesh sizes; ratios within one run
+# make test-slow  the checks that take minutes each
+# make train-pocket  train the built-in prior anew (training/pocket/README.md)
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+PROMPT ?= a brown and white dairy cow with short fur
+MESH   ?= assets/meshes/spot/spot.obj
+OUTPUT ?= outputs/spot.glb
+
+.PHONY: paint test test-slow lint bench train-pocket clean
+.DEFAULT_GOAL := paint
+
+$(BIN)/paintit: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+$(VENV)/.dev: $(BIN)/paintit
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev,judges]"
+	@touch $@
+
+tests/node_modules: tests/package.json tests/package-lock.json
+	npm ci --prefix tests --no-audit --no-fund --loglevel=error
+	@touch $@
+
+paint: $(BIN)/paintit
+	$(BIN)/paintit paint $(MESH) "$(PROMPT)" -o $(OUTPUT) --overwrite
+
+test: $(VENV)/.dev tests/node_modules
+	$(BIN)/pytest -m "not slow"
+
+test-slow: $(VENV)/.dev tests/node_modules
+	$(BIN)/pytest -m slow
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: $(BIN)/paintit
+	$(BIN)/python benchmarks/step.py
+
+train-pocket: $(VENV)/.dev
+	$(BIN)/python -m training.pocket.train $(if $(SMOKE),--smoke)
+
+clean:
+	rm -rf $(VENV) tests/node_modules outputs .pytest_cache .ruff_cache

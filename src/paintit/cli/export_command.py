@@ -1,0 +1,52 @@
+"""``paintit export``: a run or an asset in another format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from paintit.cli.console import Console, Result
+from paintit.cli.parse import parse
+from paintit.errors import UsageError
+
+ABOUT = """Write a run or a painted asset as GLB, glTF, OBJ or a folder of PNG maps, by the extension of -o.
+
+Examples:  paintit export chair.glb -o chair.obj
+           paintit export outputs/chair/2026-11-22T14-30-12 -o maps/
+
+A run that was stopped is exported as far as it went."""
+
+
+@dataclass(frozen=True)
+class ExportArguments:
+    """Arguments of ``paintit export``."""
+
+    path: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="PATH", help_behavior_hint="")] = None
+    """Run folder, or painted GLB or glTF."""
+    output: Annotated[str | None, tyro.conf.arg(aliases=["-o"], metavar="PATH", help_behavior_hint="")] = None
+    """File (.glb, .gltf, .obj) or folder of PNG maps."""
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace what is there."""
+
+
+def main(arguments: Sequence[str], console: Console) -> Result:
+    given = parse(ExportArguments, arguments, "paintit export", ABOUT)
+    if given.path is None:
+        raise UsageError("usage.no_path", "no run or asset is given", "write: paintit export PATH -o chair.glb")
+    if given.output is None:
+        raise UsageError("usage.no_output", "no output is given", "add -o chair.glb, or another name")
+    from paintit.export.write import check_output, write
+    from paintit.run.asset import load_asset
+    from paintit.run.folder import check_writable
+
+    target = Path(given.output)
+    check_output(target, given.overwrite)
+    check_writable(target.parent)
+    asset = load_asset(Path(given.path))
+    console.note(f"exporting {asset.note}")
+    files = write(target, asset.mesh, asset.maps, asset.metadata, given.overwrite)
+    return Result(str(target), {"asset": str(target), "files": [str(path) for path in files]})

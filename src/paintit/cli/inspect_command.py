@@ -1,0 +1,139 @@
+"""``paintit inspect``: a mesh file, a painted asset, or a run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from paintit.cli.console import Console, Result, size_text, table
+from paintit.cli.parse import parse
+from paintit.errors import UsageError
+
+if TYPE_CHECKING:
+    from paintit.mesh.inspect import MeshSummary
+    from paintit.mesh.quality import UVQuality
+    from paintit.run.record import Record
+
+ABOUT = """Say what is in a mesh, a painted asset or a run, and what is wrong with it.
+
+Examples:  paintit inspect chair.obj
+           paintit inspect chair.glb --json
+           paintit inspect outputs/chair/2026-11-22T14-30-12"""
+
+
+@dataclass(frozen=True)
+class InspectArguments:
+    """Arguments of ``paintit inspect``."""
+
+    path: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="PATH", help_behavior_hint="")] = None
+    """Mesh file, painted asset or run folder."""
+
+
+def main(arguments: Sequence[str], console: Console) -> Result:
+    given = parse(InspectArguments, arguments, "paintit inspect", ABOUT)
+    if given.path is None:
+        raise UsageError("usage.no_path", "no file is given", "write: paintit inspect PATH")
+    path = Path(given.path)
+    return _run(path) if path.is_dir() else _mesh(path)
+
+
+def _run(path: Path) -> Result:
+    from paintit.run.folder import find
+    from paintit.run.record import read
+
+    folder = find(path)
+    record = read(folder / "run.json")
+    return Result(table(_record_rows(record)), {"kind": "run", "run": dataclasses.asdict(record)})
+
+
+def _record_rows(record: Record) -> list[tuple[str, str]]:
+    asset = record.input
+    return [
+        ("outcome", record.outcome),
+        ("prompt", record.prompt),
+        ("sent to the prior", "\n".join(repr(text) for text in record.prompts)),
+        ("mesh", f"{asset.get('name')}, {asset.get('faces')} faces, sha256 {str(asset.get('sha256'))[:12]}"),
+        ("asset", record.asset),
+        ("prior", " ".join(str(record.prior.get(key, "")) for key in ("id", "revision", "licence"))),
+        ("seed", str(record.seed)),
+        ("device", f"{record.device} ({record.device_reason})"),
+        ("time", f"{record.seconds:.1f} s, started {record.started}"),
+        ("peak memory", size_text(record.peak_memory)),
+        ("versions", ", ".join(f"{name} {number}" for name, number in record.versions.items())),
+        ("command", " ".join(record.command)),
+        ("notes", "\n".join(record.notes) or "none"),
+    ]
+
+
+def _mesh(path: Path) -> Result:
+    from paintit.mesh.gltf_document import GltfDocument
+    from paintit.mesh.inspect import summarize
+    from paintit.mesh.read import read_as_it_is, read_mesh
+    from paintit.mesh.uv import check
+
+    mesh = read_mesh(path)
+    summary = summarize(mesh)
+    own = summary.uv if summary.uv_origin == "file" else check(read_as_it_is(path))
+    data: dict[str, Any] = {"kind": "mesh", "mesh": dataclasses.asdict(summary)}
+    data["mesh"]["path"] = str(path)
+    data["uv_in_file"] = dataclasses.asdict(own)
+    rows = _mesh_rows(summary, own)
+    document = mesh.source.document if mesh.source is not None else None
+    if isinstance(document, GltfDocument):
+        data["materials"] = materials(document.json)
+        rows += [("material", f"{m['name']}: {', '.join(m['textures']) or 'no textures'}") for m in data["materials"]]
+        if metadata := document.json.get("asset", {}).get("extras"):
+            data["metadata"] = metadata
+            rows.append(("metadata", str(metadata)))
+    return Result(table(rows), data)
+
+
+def _mesh_rows(summary: MeshSummary, own: UVQuality) -> list[tuple[str, str]]:
+    low, high = summary.bounds
+    rows = [
+        ("file", f"{summary.path} ({summary.format})"),
+        ("faces", f"{summary.faces}, {summary.degenerate_faces} degenerate"),
+        ("vertices", f"{summary.vertices}, {summary.positions} distinct positions"),
+        ("pieces", f"{summary.components}, {'watertight' if summary.watertight else 'not watertight'} "
+                   f"({summary.boundary_edges} boundary edges, {summary.non_manifold_edges} non-manifold)"),
+        ("bounds", f"{_point(low)} to {_point(high)}, longest edge {summary.extent:.6g}"),
+        ("layers", "\n".join(f"{layer.name}: {layer.faces} faces" for layer in summary.layers)),
+        ("UVs in the file", own.reason if own.has_uvs else "none"),
+    ]  # fmt: skip
+    if own.has_uvs:
+        rows.append(("", _uv_line(own)))
+    if summary.uv_origin != "file":
+        rows.append(("UVs when painted", f"unwrapped: {_uv_line(summary.uv)}"))
+    return [*rows, ("notes", "\n".join(summary.notes) or "none")]
+
+
+def _uv_line(uv: UVQuality) -> str:
+    return (
+        f"{uv.islands} islands, overlap {uv.overlap:.3f}, coverage {uv.coverage:.1%}, {uv.outside_unit:.1%} of corners "
+        f"outside [0, 1], {uv.mirrored_share:.1%} mirrored, {uv.texel_density:.4g} texels per unit at {uv.resolution}"
+    )
+
+
+def _point(values: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+
+
+def materials(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """Name, factors and textures of each material of a glTF document's JSON."""
+    found = []
+    for index, material in enumerate(document.get("materials", [])):
+        pbr = material.get("pbrMetallicRoughness", {})
+        slots = {**pbr, **{key: value for key, value in material.items() if key.endswith("Texture")}}
+        found.append(
+            {
+                "name": material.get("name", f"material {index}"),
+                "textures": [key for key in slots if key.endswith("Texture")],
+                "factors": {key: value for key, value in pbr.items() if key.endswith("Factor")},
+            }
+        )
+    return found

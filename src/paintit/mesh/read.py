@@ -1,0 +1,178 @@
+"""A file on disk to a ``Mesh``, with everything that was found and repaired on the way."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paintit.errors import MeshError, UsageError
+from paintit.mesh import quality
+from paintit.mesh.gltf import read_gltf
+from paintit.mesh.gltf_document import read_document
+from paintit.mesh.mesh import Mesh, Report, Source
+from paintit.mesh.normals import face_normals, flat_normals, smooth_normals
+from paintit.mesh.obj import read_obj
+from paintit.mesh.parsed import Parsed
+from paintit.mesh.soup import read_soup
+from paintit.mesh.tangents import mikktspace
+from paintit.mesh.unwrap import unwrap as make_uvs
+
+FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
+Unwrap = Literal["auto", "always", "never"]
+
+
+def read_mesh(path: str | Path, unwrap: Unwrap = "auto") -> Mesh:
+    """Read a mesh and make it ready to paint.
+
+    Args:
+        path: an .obj, .ply, .stl, .off, .glb or .gltf file.
+        unwrap: ``"auto"`` keeps the texture coordinates of each layer where they can be painted on and makes new ones
+            where not; ``"always"`` makes new ones; ``"never"`` refuses a mesh that needs them.
+
+    Raises:
+        MeshError: the file cannot be read or cannot be painted.
+        UsageError: ``unwrap`` is none of the three.
+    """
+    if unwrap not in ("auto", "always", "never"):
+        raise UsageError("mesh.unwrap_mode", f"unwrap is '{unwrap}'", "choose auto, always or never")
+    mesh = read_as_it_is(path)
+    try:
+        return _with_uvs(mesh, unwrap)
+    except MeshError as error:
+        raise MeshError(error.code, f"cannot read {path}: {error.message}", error.hint) from error
+
+
+def read_as_it_is(path: str | Path) -> Mesh:
+    """The mesh with the file's own texture coordinates, however bad, and without tangents: for reports.
+
+    A corner without texture coordinates has ``face_uvs`` -1.
+
+    Raises:
+        MeshError: the file cannot be read or cannot be painted.
+    """
+    path = Path(path)
+    kind, data = _load(path)
+    try:
+        return _complete(_parse(path, kind, data), path, kind, data)
+    except MeshError as error:
+        raise MeshError(error.code, f"cannot read {path}: {error.message}", error.hint) from error
+
+
+def _load(path: Path) -> tuple[str, bytes]:
+    kind = path.suffix.lower().lstrip(".")
+    known = ", ".join(f".{f}" for f in FORMATS)
+    if path.is_dir():
+        raise MeshError("mesh.folder", f"{path} is a folder, not a mesh file", f"name a file inside it ({known})")
+    if not path.exists():
+        raise MeshError("mesh.missing", f"there is no file {path}", "check the path")
+    if kind not in FORMATS:
+        raise MeshError(
+            "mesh.extension",
+            f"{path} is not a mesh file that can be read ('.{kind}')" if kind else f"{path} has no extension",
+            f"use one of {known}",
+        )
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshError(
+            "mesh.unreadable", f"cannot read {path}: {(error.strerror or str(error)).lower()}", "check its permissions"
+        ) from None
+    if not data:
+        raise MeshError("mesh.empty_file", f"{path} is empty (0 bytes)", "export or copy the mesh again")
+    return kind, data
+
+
+def _parse(path: Path, kind: str, data: bytes) -> Parsed:
+    if kind == "obj":
+        return read_obj(data)
+    if kind in ("glb", "gltf"):
+        return read_gltf(read_document(path, data))
+    return read_soup(data, kind)
+
+
+def _complete(parsed: Parsed, path: Path, kind: str, data: bytes) -> Mesh:
+    """A ``Mesh`` with normals; tangents and missing texture coordinates still to come."""
+    notes = list(parsed.notes)
+    if not np.isfinite(parsed.vertices).all():
+        bad = int(np.flatnonzero(~np.isfinite(parsed.vertices).all(1))[0])
+        raise MeshError(
+            "mesh.nan",
+            f"vertex {bad} is not finite: {parsed.vertices[bad].tolist()}",
+            "repair the file or export it again",
+        )
+    area = face_normals(parsed.vertices, parsed.faces)[1]
+    flat = int((area == 0).sum())
+    if flat == len(area):
+        raise MeshError(
+            "mesh.degenerate",
+            f"all {len(area)} faces are degenerate (zero area)",
+            "repair the mesh: its triangles have no area",
+        )
+    if flat:
+        notes.append(f"{flat} degenerate triangles (zero area) kept; they stay invisible")
+    normals = _normals(parsed, notes)
+    source = Source(path, kind, hashlib.sha256(data).hexdigest(), parsed.document, parsed.corner_vertex)
+    tangents = np.zeros((len(parsed.faces), 3, 4), np.float32)
+    return Mesh(
+        parsed.vertices,
+        parsed.faces,
+        parsed.uvs,
+        parsed.face_uvs,
+        normals,
+        tangents,
+        parsed.face_layer,
+        parsed.layers,
+        parsed.parts,
+        source,
+        Report(tuple(notes)),
+    )
+
+
+def _normals(parsed: Parsed, notes: list[str]) -> NDArray[np.float32]:
+    """The file's normals, unit; computed where they are missing or bad."""
+    given = parsed.normals.astype(np.float64)
+    absent = np.isnan(given).all(-1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        length = np.linalg.norm(given, axis=-1, keepdims=True)
+        unit = given / np.where(length > 0, length, 1.0)
+    bad = ~(np.isfinite(unit).all(-1) & (length[..., 0] > 1e-8))
+    if bad.any():
+        made = (smooth_normals if parsed.smooth else flat_normals)(parsed.vertices, parsed.faces)
+        unit[bad] = made[bad]
+        how = "smooth, with edges over 40 degrees kept sharp" if parsed.smooth else "flat, as glTF asks"
+        if bad.all():
+            notes.append(f"computed normals ({how})")
+        else:
+            broken = int((bad & ~absent).sum())
+            notes.append(
+                f"computed normals at {int(bad.sum())} corners where they were missing or bad ({broken} bad; {how})"
+            )
+    return unit.astype(np.float32)
+
+
+def _with_uvs(mesh: Mesh, unwrap: Unwrap) -> Mesh:
+    if unwrap == "always":
+        return make_uvs(mesh)
+    found = quality.check(mesh)
+    if unwrap == "never" and not found.paintable:
+        raise MeshError(
+            "mesh.uvs",
+            f"its texture coordinates cannot be painted on: {found.reason}",
+            "let new ones be made with --unwrap auto, or unwrap the mesh in a 3D program",
+        )
+    bad = tuple(k for k, q in enumerate(found.layers) if not q.paintable)
+    notes = [f"new texture coordinates for '{mesh.layers[k].name}': {found.layers[k].reason}" for k in bad]
+    notes += [
+        f"kept the texture coordinates of '{layer.name}': {q.reason}"
+        for layer, q in zip(mesh.layers, found.layers, strict=True)
+        if q.paintable and max(q.mirrored_overlap, q.distant_overlap) > 0.001
+    ]
+    mesh = replace(mesh, report=replace(mesh.report, notes=mesh.report.notes + tuple(notes)))
+    if bad:
+        return make_uvs(mesh, bad)
+    return replace(mesh, tangents=mikktspace(mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, mesh.normals))

@@ -1,0 +1,226 @@
+"""Paint-it, the algorithm: score distillation trains a convolutional network that is the texture (paper 3).
+
+``Painter`` is an iterator of records. It has no path, no progress bar, no print; ``run.py`` turns its records into
+files and ``cli`` into a bar.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from paintit.config import PaintConfig
+from paintit.device import choose_device
+from paintit.errors import PaintitError
+from paintit.guidance.load import load_prior
+from paintit.guidance.prior import Prior
+from paintit.guidance.prompt import Prompts
+from paintit.guidance.schedule import sample_t, timestep_range
+from paintit.guidance.sds import sds_gradient
+from paintit.mesh.mesh import Mesh
+from paintit.paint.views import Views, ViewSampler
+from paintit.render.gbuffer import rasterize
+from paintit.render.geometry import Geometry
+from paintit.render.light import Light, load_environment, prefilter
+from paintit.render.render import Channels, render
+from paintit.rng import Streams, uniform
+from paintit.texture.field import make_field
+from paintit.texture.maps import TextureMaps
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step did. Norms, never a loss: the score-distillation gradient has none (paper-vs-code, "loss shown")."""
+
+    index: int
+    """1 for the first step."""
+    total: int
+    t: float
+    """Noise level, the fraction of the prior's schedule."""
+    guidance_norm: float
+    """L2 norm of the score-distillation gradient on the prior's input."""
+    gradient_norm: float
+    """L2 norm of the gradient on the field's parameters, before clipping."""
+    learning_rate: float
+    seconds: float
+    timings: Mapping[str, float]
+    """Seconds in ``network``, ``render``, ``guidance``, ``backward``, ``optimiser``."""
+
+
+class Painter:
+    """Paints one mesh by one sentence.
+
+    >>> painter = Painter(mesh, "a rusty iron kettle", config)      # doctest: +SKIP
+    >>> for step in painter: print(step.index, step.gradient_norm)  # doctest: +SKIP
+    >>> maps = painter.maps()                                       # doctest: +SKIP
+
+    Args:
+        mesh: the mesh, with texture coordinates.
+        prompt: the sentence.
+        config: every setting; the seed in it decides every random number.
+        prior: the diffusion prior; by default the one that ``config.guidance`` names.
+        light: the prefiltered light; by default the one that ``config.light`` names.
+        profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        prompt: str,
+        config: PaintConfig,
+        prior: Prior | None = None,
+        light: Light | None = None,
+        *,
+        profile: bool = False,
+    ) -> None:
+        self.mesh = mesh
+        self.config = config
+        words = config.prompt
+        self.prompts = Prompts(prompt, words.template, words.negative, [region.name for region in config.views.focus])
+        self.device, self.device_reason = choose_device(config.device)
+        self.streams = Streams(config.seed)
+        self.prior = prior or load_prior(
+            config.guidance.prior, device=self.device, dtype=config.dtype, revision=config.guidance.revision
+        )
+        environment = light or prefilter(load_environment(config.light.path, config.light.exposure), self.device)
+        self.light = environment.to(self.device)
+        self.geometry = Geometry.from_mesh(mesh, self.device)
+        self.sample_views = ViewSampler(mesh, config.views)
+        self.field = make_field(config.texture, len(mesh.layers), self.streams["field"]).to(self.device)
+        self.optimizer = torch.optim.Adam(self.field.parameters(), lr=config.optim.lr)
+        self.step = 0
+        self.total = config.optim.steps
+        self._profile = profile
+        self._text = {text: self.prior.encode_text([text]) for text in self.sent_prompts}
+
+    @property
+    def sent_prompts(self) -> tuple[str, ...]:
+        """Exactly the texts that the prior may be asked for, the negative one first."""
+        return self.prompts.distinct()
+
+    def __iter__(self) -> Iterator[Step]:
+        """Run the remaining steps. Stop whenever you like; iterate again to go on."""
+        while self.step < self.total:
+            yield self._advance()
+
+    def _advance(self) -> Step:
+        """One step of Paint-it."""
+        config, streams, clock = self.config, self.streams, _Clock(self.device, self._profile)
+
+        maps = self.field()  # T_theta(z), 3.3
+        clock("network")
+        views = self.sample_views(streams["views"])  # supp. A.2
+        image = self._render(maps, views)  # eq. 2
+        clock("render")
+        x = self.prior.encode_image(self._read(image))
+        progress = self.step / max(self.total - 1, 1)
+        guidance = config.guidance
+        t = sample_t(timestep_range(guidance.schedule, progress, guidance.t_start, guidance.t_end), streams["t"])
+        noise = torch.randn((1, *x.shape[1:]), generator=streams["noise"]).to(x)  # one epsilon for all views
+        text, negative = self._embed(views)
+        gradient, record = sds_gradient(  # eq. 1 and 3
+            self.prior, x, text, negative, t, noise, guidance.scale, self.prior.encode_geometry(image.geometry())
+        )
+        clock("guidance")
+        self.optimizer.zero_grad(set_to_none=True)
+        roots, seeds = [x], [gradient]
+        regularization = self.field.regularization()  # eq. 4, pixels only
+        if regularization.requires_grad:
+            roots, seeds = [x, regularization], [gradient, torch.ones_like(regularization)]
+        torch.autograd.backward(roots, seeds)
+        clock("backward")
+        norm = self._update()
+        clock("optimiser")
+
+        self.step += 1
+        return Step(
+            self.step, self.total, t, record.gradient_norm, norm, self._learning_rate(self.step - 1),
+            sum(clock.seconds.values()), clock.seconds,
+        )  # fmt: skip
+
+    def _render(self, maps: TextureMaps, views: Views) -> Channels:
+        light, size = self.config.light, self.config.views.size
+        turn = light.rotation
+        if turn is None:
+            rotation = float(uniform(0.0, 2 * math.pi, 1, self.streams["light"]))
+        else:
+            rotation = math.radians(turn)
+        gbuffer = rasterize(self.geometry, views.cameras, size)
+        return render(gbuffer, maps, self.light, rotation=rotation, background=self.config.views.background)
+
+    def _read(self, image: Channels) -> dict[str, Tensor]:
+        """The channels for the prior, encoded for display; those that ``guidance.reads`` leaves out get no gradient."""
+        wanted = self.config.guidance.reads or self.prior.reads
+        return {name: value if name in wanted else value.detach() for name, value in image.encoded().items()}
+
+    def _embed(self, views: Views) -> tuple[Tensor, Tensor]:
+        cameras = views.cameras
+        texts = self.prompts.for_views(cameras.azimuth, cameras.elevation, views.focus)
+        return (
+            torch.cat([self._text[text] for text in texts]),
+            torch.cat([self._text[self.prompts.negative]] * len(texts)),
+        )
+
+    def _learning_rate(self, step: int) -> float:
+        optim = self.config.optim
+        return optim.lr * optim.decay ** (step // optim.decay_every)
+
+    def _update(self) -> float:
+        """Clip, then one Adam step; the norm before clipping.
+
+        Raises:
+            PaintitError: the gradient is not finite. The parameters are left as they were.
+        """
+        limit = self.config.optim.clip or math.inf
+        norm = float(torch.nn.utils.clip_grad_norm_(self.field.parameters(), limit))
+        if not math.isfinite(norm):
+            raise PaintitError(
+                "paint.diverged", f"the gradient became {norm} at step {self.step + 1}",
+                "lower --optim.lr or --guidance.scale; the last checkpoint is intact",
+            )  # fmt: skip
+        for group in self.optimizer.param_groups:
+            group["lr"] = self._learning_rate(self.step)
+        self.optimizer.step()
+        return norm
+
+    @torch.no_grad()
+    def maps(self) -> TextureMaps:
+        """The texture maps as they stand, detached."""
+        return self.field().detach()
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that the next step depends on; ``load_state_dict`` of it continues bit for bit."""
+        return {
+            "step": self.step,
+            "field": self.field.state_dict(),
+            "optimizer": self.optimizer.state_dict()["state"],
+            "streams": self.streams.state_dict(),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        self.step = state["step"]
+        self.field.load_state_dict(state["field"])
+        self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state["optimizer"]})
+        self.streams.load_state_dict(state["streams"])
+
+
+class _Clock:
+    """Seconds between calls, by name."""
+
+    def __init__(self, device: torch.device, synchronize: bool) -> None:
+        self._wait = synchronize and device.type == "cuda"
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def __call__(self, name: str) -> None:
+        if self._wait:
+            torch.cuda.synchronize()
+        now = time.perf_counter()
+        self.seconds[name] = now - self._last
+        self._last = now

@@ -1,0 +1,153 @@
+"""render(): what a g-buffer, maps and a light look like; and supersampled images for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+
+from paintit.color import encode_srgb
+from paintit.render.camera import Cameras
+from paintit.render.gbuffer import GBuffer, rasterize
+from paintit.render.geometry import Geometry
+from paintit.render.light import Light
+from paintit.render.sample import Pyramid, build_pyramid, lookup
+from paintit.render.shade import perturb, shade
+from paintit.texture.maps import TextureMaps
+
+#: What material channels hold off the mask: grey, neither of the extremes.
+_NEUTRAL = 0.5
+#: Covered pixels shaded at once in :func:`render_image`.
+_CHUNK = 1 << 17
+
+
+@dataclass(frozen=True)
+class Channels:
+    """n rendered views, all float, differentiable in the maps.
+
+    Attributes:
+        shaded: (n, h, w, 3) linear radiance over the grey background; not clamped.
+        base_color: (n, h, w, 3) linear. roughness, metallic: (n, h, w, 1). normal: (n, h, w, 3) world space, with the
+            normal map. All zero off the mask.
+        mask: (n, h, w, 1), 1 where the mesh is seen.
+        gbuffer: the geometry behind them.
+    """
+
+    shaded: Tensor
+    base_color: Tensor
+    roughness: Tensor
+    metallic: Tensor
+    normal: Tensor
+    mask: Tensor
+    gbuffer: GBuffer
+
+    def encoded(self) -> dict[str, Tensor]:
+        """What a prior reads, in [0, 1]: ``shaded`` and ``base_color`` sRGB-coded, ``roughness`` and ``metallic`` as
+        they are; the material channels are 0.5 off the mask."""
+        outside = _NEUTRAL * (1 - self.mask)
+        return {
+            "shaded": encode_srgb(self.shaded),
+            "base_color": encode_srgb(self.base_color) * self.mask + outside,
+            "roughness": self.roughness + outside,
+            "metallic": self.metallic + outside,
+        }
+
+    def geometry(self) -> dict[str, Tensor]:
+        """What may condition a prior: ``normal`` (n, h, w, 3) of the bare mesh in camera axes, ``depth`` (n, h, w, 1)
+        along the camera's axis, ``mask`` (n, h, w, 1), ``position`` (n, h, w, 3) normalised; zero off the mask."""
+        gbuffer = self.gbuffer
+        return {
+            "normal": gbuffer.normal_view(),
+            "depth": gbuffer.depth[..., None],
+            "mask": self.mask,
+            "position": gbuffer.position,
+        }
+
+
+def render(
+    gbuffer: GBuffer, maps: TextureMaps, light: Light, *, rotation: float | Tensor = 0.0, background: float = 0.25
+) -> Channels:
+    """Sample and shade every covered pixel.
+
+    Args:
+        gbuffer: n views.
+        maps: textures of all layers.
+        light: the prefiltered environment.
+        rotation: radians the environment is turned about +Y, one for all or (n,) one per view.
+        background: linear grey behind the mesh.
+    """
+    packed = maps.packed()
+    mask = gbuffer.mask
+    index = mask.flatten().nonzero()[:, 0]
+    texels, normal, radiance = _shade_pixels(gbuffer, build_pyramid(packed), light, rotation, index)
+
+    def spread(values: Tensor) -> Tensor:
+        flat = values.new_zeros(mask.numel(), values.shape[-1]).index_copy(0, index, values)
+        return flat.reshape(*mask.shape, -1)
+
+    base_color, roughness, metallic, _ = spread(texels).split([3, 1, 1, 3], -1)
+    covered = mask[..., None].to(packed)
+    return Channels(
+        shaded=spread(radiance) + background * (1 - covered),
+        base_color=base_color,
+        roughness=roughness,
+        metallic=metallic,
+        normal=spread(normal),
+        mask=covered,
+        gbuffer=gbuffer,
+    )
+
+
+def _shade_pixels(
+    gbuffer: GBuffer, pyramid: Pyramid, light: Light, rotation: float | Tensor, index: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Texels (m, 8), shading normals (m, 3) and radiance (m, 3) of the covered pixels ``index`` (m,) into (n h w)."""
+    pick = lambda tensor: tensor.flatten(0, 2)[index]  # noqa: E731
+    texels = lookup(pyramid, pick(gbuffer.layer), pick(gbuffer.uv), pick(gbuffer.footprint))
+    base_color, roughness, metallic, texel_normal = texels.split([3, 1, 1, 3], -1)
+    normal = perturb(pick(gbuffer.normal).to(texels), pick(gbuffer.tangent).to(texels), texel_normal)
+    if isinstance(rotation, Tensor) and rotation.ndim:
+        rotation = rotation.to(index.device)[index // gbuffer.mask[0].numel()]
+    view = pick(gbuffer.view).to(texels)
+    return texels, normal, shade(base_color, roughness, metallic, normal, view, light, rotation)
+
+
+@torch.no_grad()
+def render_image(
+    geometry: Geometry,
+    cameras: Cameras,
+    maps: TextureMaps,
+    light: Light,
+    size: int | tuple[int, int],
+    *,
+    supersample: int = 2,
+    rotation: float = 0.0,
+    background: float | None = 0.25,
+) -> NDArray[np.uint8]:
+    """Images for people: (n, h, w, 3) uint8, sRGB-coded.
+
+    Args:
+        size: pixels along each side, or (height, width), after averaging ``supersample`` x ``supersample`` samples.
+        background: linear grey behind the mesh (1: white), or None to show the environment.
+    """
+    height, width = (size, size) if isinstance(size, int) else size
+    fine = (height * supersample, width * supersample)
+    pyramid = build_pyramid(maps.packed().detach())
+    images = []
+    for view in range(len(cameras)):
+        gbuffer = rasterize(geometry, cameras[view : view + 1], fine)
+        if background is None:
+            linear = light.background(-gbuffer.view, rotation).reshape(-1, 3)
+        else:
+            linear = torch.full((gbuffer.mask.numel(), 3), background, device=geometry.device)
+        for index in gbuffer.mask.flatten().nonzero()[:, 0].split(_CHUNK):
+            linear[index] = _shade_pixels(gbuffer, pyramid, light, rotation, index)[2].to(linear)
+        # Clamped before averaging: one very bright sample must not undo the smoothing of its pixel's edge.
+        linear = linear.clamp(0, 1).reshape(1, *fine, 3).movedim(-1, 1)
+        coded = encode_srgb(F.avg_pool2d(linear, supersample))
+        images.append((coded * 255 + 0.5).to(torch.uint8).movedim(1, -1))
+    return torch.cat(images).cpu().numpy()

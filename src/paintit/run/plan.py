@@ -1,0 +1,103 @@
+"""``--dry-run``: everything that a paint would do, found out without painting, loading a large model, or writing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from paintit import api
+from paintit.config import PaintConfig
+from paintit.device import choose_device
+from paintit.errors import PriorError
+from paintit.guidance.load import KNOWN, load_prior
+from paintit.guidance.prompt import Prompts
+from paintit.mesh.mesh import Mesh
+from paintit.render.light import load_environment
+from paintit.run.folder import RunFolder, check_free, check_writable, resolve
+from paintit.run.paint import Request, prepare, require_mesh
+from paintit.settings import validate
+
+#: Bytes that Python, torch and the renderer take before the first step, measured on Linux.
+_BASE = 600 << 20
+#: Live arrays for each channel of the U-Net at full size: value, normalisation, activation and their gradients.
+_COPIES = 14
+#: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients.
+_PIXEL_CHANNELS = 260
+
+
+def plan(request: Request) -> dict[str, Any]:
+    """The plan as plain data. Fails where the paint itself would fail early.
+
+    Raises:
+        PaintitError: as ``run.paint.prepare``.
+    """
+    validate(request.config)
+    if request.resume is not None:
+        job = prepare(request)
+        return _plan(request, job.folder, job.mesh, job.prompt) | {"resume_after_step": job.painter.step}
+    prompt = api.check_prompt(request.prompt)
+    path = require_mesh(request)
+    folder = resolve(request.output, path)
+    check_free(folder, request.overwrite)
+    for place in {folder.folder, folder.asset.parent}:
+        check_writable(place)
+    mesh = api.load_mesh(path, request.config.unwrap)
+    return _plan(request, folder, mesh, prompt)
+
+
+def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[str, Any]:
+    config = request.config
+    device, reason = choose_device(config.device)
+    environment = load_environment(config.light.path, config.light.exposure)
+    regions = [region.name for region in config.views.focus]
+    prompts = Prompts(prompt, config.prompt.template, config.prompt.negative, regions)
+    files = [folder.asset, folder.textures, folder.record, folder.config, folder.log, folder.checkpoint]
+    files += [folder.preview] if request.preview else []
+    files += [folder.turntable] if request.turntable else []
+    files += [folder.snapshots] if request.snapshot_every else []
+    return {
+        "mesh": mesh.source.path.name if mesh.source else "",
+        "faces": len(mesh.faces),
+        "layers": [layer.name for layer in mesh.layers],
+        "uvs": "kept from the file" if mesh.report.uv_origin == "file" else "made by unwrapping",
+        "notes": list(mesh.report.notes),
+        "prior": _prior(request),
+        "light": environment.name,
+        "prompts": list(prompts.distinct()),
+        "steps": config.optim.steps,
+        "views": f"{config.views.count} of {config.views.size} x {config.views.size} pixels",
+        "textures": f"{len(mesh.layers)} x {config.texture.size} x {config.texture.size} texels",
+        "device": str(device),
+        "device_reason": reason,
+        "seed": config.seed,
+        "memory": memory(config, len(mesh.layers), len(mesh.faces)),
+        "run": str(folder.folder),
+        "files": [str(path) for path in files],
+    }
+
+
+def _prior(request: Request) -> str:
+    """The prior in words. A large one is not loaded; an unknown one is refused."""
+    guidance = request.config.guidance
+    known = KNOWN.get(guidance.prior)
+    if known is not None and known.size_mb:
+        return f"{known.name}: {known.note} ({known.source}, {known.licence}, {known.size_mb / 1000:.1f} GB)"
+    try:
+        prior = load_prior(guidance.prior, dtype=request.config.dtype, revision=guidance.revision)
+    except PriorError as error:
+        if error.code in ("prior.unknown", "prior.missing", "prior.file"):
+            raise
+        return f"{guidance.prior}: {error}"
+    return f"{prior.spec.id}: {prior.spec.family}, {prior.spec.licence or 'licence not stated'}"
+
+
+def memory(config: PaintConfig, layers: int, faces: int) -> int:
+    """Estimated bytes at the peak of one step, without the weights of a large prior."""
+    texture = config.texture
+    texels = layers * texture.size**2
+    if texture.kind == "pixels":
+        channels = 8.0
+    else:
+        widths = zip(texture.widths, texture.skip_widths, strict=True)
+        channels = sum((2 * width + skip) / 4**level for level, (width, skip) in enumerate(widths))
+    pixels = config.views.count * config.views.size**2
+    return int(_BASE + 4 * (_COPIES * channels * texels / 2 + _PIXEL_CHANNELS * pixels) + 400 * faces)

@@ -1,0 +1,260 @@
+"""Settings in and out of dicts and TOML, and their checks. Unknown keys are errors that name the nearest known one."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
+
+from paintit.config import POCKET, RANDOM, FocusConfig, PaintConfig, TextureConfig, plain, preset, to_dict
+from paintit.errors import UsageError
+
+
+def from_dict(data: Mapping[str, Any], base: PaintConfig = POCKET) -> PaintConfig:
+    """``base`` with the values of a nested dict put in their places.
+
+    Raises:
+        UsageError: an unknown key (the nearest one is named), or a value of the wrong type or out of range.
+    """
+    config = _merge(base, data, "")
+    validate(config)
+    return config
+
+
+def merge(base: PaintConfig, changes: Mapping[str, Any]) -> PaintConfig:
+    """``base`` with dotted keys replaced: ``merge(POCKET, {"optim.steps": 20})``. Errors as ``from_dict``."""
+    nested: dict[str, Any] = {}
+    for key, value in changes.items():
+        *groups, name = key.split(".")
+        place = nested
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[name] = value
+    return from_dict(nested, base)
+
+
+def names(cls: Any = PaintConfig, prefix: str = "") -> tuple[str, ...]:
+    """Dotted names of every setting, in order: ``texture.kind``, ..., ``dtype``."""
+    hints = get_type_hints(cls)
+    found: list[str] = []
+    for f in dataclasses.fields(cls):
+        nested = dataclasses.is_dataclass(hints[f.name])
+        found += names(hints[f.name], f"{prefix}{f.name}.") if nested else [prefix + f.name]
+    return tuple(found)
+
+
+def nearest(word: str, choices: Iterable[str]) -> str | None:
+    """The choice most like ``word``, or None where none is alike; bare ``steps`` finds ``optim.steps``."""
+    choices = tuple(choices)
+    for choice in choices:
+        if choice.rpartition(".")[2] == word.rpartition(".")[2]:
+            return choice
+    close = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def load_toml(path: Path, base: PaintConfig | None = None) -> PaintConfig:
+    """Settings from a TOML file over ``base``; without one, over the preset that its key ``preset`` names, else pocket.
+
+    Raises:
+        UsageError: no such file, not TOML, or what ``from_dict`` refuses; the message names the file.
+    """
+    try:
+        data = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError("config.unreadable", f"cannot read settings from {path}: {reason}", "check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise UsageError("config.not_toml", f"{path} is not TOML: {reason}", "correct that line") from None
+    named = data.pop("preset", None)
+    if base is None:
+        base = POCKET if named is None else preset(str(named))
+    try:
+        return from_dict(data, base)
+    except UsageError as error:
+        raise UsageError(error.code, f"{path}: {error.message}", error.hint) from None
+
+
+def dump_toml(config: PaintConfig) -> str:
+    """Every setting as TOML text; ``load_toml`` of it gives ``config`` back over any base."""
+    return "\n".join(_toml_table(to_dict(config), "")).strip() + "\n"
+
+
+def _toml_table(table: Mapping[str, Any], name: str) -> list[str]:
+    lines = [f"{key} = {_toml_value(value)}" for key, value in table.items() if not isinstance(value, dict)]
+    for key, value in table.items():
+        if isinstance(value, dict):
+            inner = f"{name}.{key}" if name else key
+            lines += ["", f"[{inner}]", *_toml_table(value, inner)]
+    return lines
+
+
+def _toml_value(value: Any) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case dict():
+            return "{ " + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + " }"
+        case list():
+            return "[" + ", ".join(_toml_value(v) for v in value) + "]"
+        case _:
+            return repr(value)
+
+
+def _merge(base: Any, data: Any, prefix: str) -> Any:
+    if not isinstance(data, Mapping):
+        raise UsageError("config.wrong_type", f"'{prefix[:-1]}' is {data!r}, not a table of settings",
+                         f"write it as [{prefix[:-1]}]")
+    hints = get_type_hints(type(base))
+    changes: dict[str, Any] = {}
+    for key, value in data.items():
+        if key not in hints:
+            near = nearest(prefix + key, (*names(), *(f.name for f in dataclasses.fields(base))))
+            hint = f"did you mean '{near}'?" if near else f"known here: {', '.join(hints)}"
+            raise UsageError("config.unknown_key", f"unknown setting '{prefix}{key}'", hint)
+        current = getattr(base, key)
+        if dataclasses.is_dataclass(current):
+            changes[key] = _merge(current, value, f"{prefix}{key}.")
+        else:
+            changes[key] = _typed(value, hints[key], prefix + key)
+    return dataclasses.replace(base, **changes)
+
+
+def _typed(value: Any, hint: Any, name: str) -> Any:
+    """``value`` as the annotated type; only harmless changes: int to float, list to tuple, ``"random"`` to None."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        if value in inner:
+            return value
+        near = nearest(str(value), inner)
+        raise UsageError("config.choice", f"'{name}' is {value!r}",
+                         f"did you mean {near!r}?" if near else f"choose one of {', '.join(map(str, inner))}")
+    if origin in (Union, UnionType):
+        if value is None or value == RANDOM:
+            return None
+        return _typed(value, next(t for t in inner if t is not type(None)), name)
+    if origin is tuple:
+        if isinstance(value, (list, tuple)) and (inner[-1] is Ellipsis or len(value) == len(inner)):
+            parts = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner
+            return tuple(_typed(v, t, f"{name}[{i}]") for i, (v, t) in enumerate(zip(value, parts, strict=True)))
+    elif dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        if isinstance(value, hint):
+            return value
+        if isinstance(value, Mapping):
+            return _focus(value, name)
+    elif hint is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    elif isinstance(hint, type) and isinstance(value, hint) and not (hint is int and isinstance(value, bool)):
+        return value
+    wanted = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}.get(hint, "")
+    if origin is tuple:
+        wanted = "a list" if inner[-1] is Ellipsis else f"a list of {len(inner)} values"
+    raise UsageError("config.wrong_type", f"'{name}' is {value!r}", f"it must be {wanted or 'a table'}")
+
+
+def _focus(data: Mapping[str, Any], name: str) -> FocusConfig:
+    hints = get_type_hints(FocusConfig)
+    for key in data:
+        if key not in hints:
+            raise UsageError("config.unknown_key", f"unknown setting '{name}.{key}'", f"known here: {', '.join(hints)}")
+    for key in ("center", "radius"):
+        if key not in data:
+            raise UsageError("config.missing_key", f"'{name}' has no {key}", "write center = [x, y, z] and radius")
+    return FocusConfig(**{key: _typed(value, hints[key], f"{name}.{key}") for key, value in data.items()})
+
+
+#: Lowest and highest allowed value (both allowed) of each bounded number, by dotted name.
+_LIMITS: dict[str, tuple[float, float]] = {
+    "texture.size": (8, 8192),
+    "texture.input_channels": (1, 1024),
+    "texture.min_roughness": (0.0, 1.0),
+    "texture.normal_strength": (0.0, 1.0),
+    "texture.tv_weight": (0.0, math.inf),
+    "light.exposure": (0.0, math.inf),
+    "light.rotation": (-math.inf, math.inf),
+    "views.count": (1, 256),
+    "views.radius": (1.0, 1000.0),
+    "views.fov": (1.0, 170.0),
+    "views.close_up": (0.0, 1.0),
+    "views.size": (8, 8192),
+    "views.background": (0.0, 1.0),
+    "guidance.scale": (-math.inf, math.inf),
+    "optim.steps": (1, 10_000_000),
+    "optim.decay": (0.0, 1.0),
+    "optim.decay_every": (1, 10_000_000),
+    "optim.clip": (0.0, math.inf),
+    "seed": (0, 2**63 - 1),
+}
+#: Pairs (low, high), each with the range both ends must lie in.
+_RANGES: dict[str, tuple[float, float]] = {
+    "views.elevation": (-90.0, 90.0),
+    "views.focus_elevation": (-90.0, 90.0),
+    "views.azimuth": (-720.0, 720.0),
+    "guidance.t_start": (0.0, 1.0),
+    "guidance.t_end": (0.0, 1.0),
+}
+
+
+def _get(config: PaintConfig, name: str) -> Any:
+    value: Any = config
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def _refuse(name: str, value: Any, remedy: str) -> NoReturn:
+    raise UsageError("config.value", f"{name} is {_toml_value(plain(value))}", remedy)
+
+
+def validate(config: PaintConfig) -> None:
+    """Check every value against its range.
+
+    Raises:
+        UsageError: ``config.value``, naming the first offending value and what it may be.
+    """
+    for name, (low, high) in _LIMITS.items():
+        value = _get(config, name)
+        if value is not None and not (low <= value <= high and math.isfinite(value)):
+            span = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+            _refuse(name, value, "it must be a finite number" if low == -math.inf else f"it must be {span}")
+    if not 0 < config.optim.lr < math.inf:
+        _refuse("optim.lr", config.optim.lr, "it must be greater than 0")
+    for name, (low, high) in _RANGES.items():
+        a, b = _get(config, name)
+        if not low <= a <= b <= high:
+            _refuse(name, (a, b), f"it must be two numbers, the lower first, from {low:g} to {high:g}")
+    _validate_texture(config.texture)
+    for index, focus in enumerate(config.views.focus):
+        if not 0 < focus.radius < math.inf:
+            _refuse(f"views.focus[{index}].radius", focus.radius, "it must be greater than 0")
+        if not all(map(math.isfinite, focus.center)):
+            _refuse(f"views.focus[{index}].center", focus.center, "it must be three finite numbers")
+    if "{prompt}" not in config.prompt.template:
+        _refuse("prompt.template", config.prompt.template, "it must contain {prompt}")
+    if not re.fullmatch(r"auto|cpu|mps|cuda(:\d+)?", config.device):
+        _refuse("device", config.device, "choose auto, cpu, cuda, cuda:N or mps")
+    if not config.guidance.prior.strip():
+        _refuse("guidance.prior", config.guidance.prior, "name one; 'paintit priors list' shows them")
+
+
+def _validate_texture(texture: TextureConfig) -> None:
+    if texture.kind == "pixels":
+        return
+    levels = len(texture.widths)
+    if not levels or min(texture.widths) < 1:
+        _refuse("texture.widths", texture.widths, "it must be one or more positive channel counts, finest level first")
+    if len(texture.skip_widths) != levels or min(texture.skip_widths) < 0:
+        _refuse("texture.skip_widths", texture.skip_widths, f"it must be {levels} counts of 0 or more, one per level")
+    if texture.size % 2**levels:
+        near = max(1, round(texture.size / 2**levels)) * 2**levels
+        _refuse("texture.size", texture.size, f"{levels} levels need a multiple of {2**levels}, for example {near}")
