@@ -8,7 +8,9 @@
 The names below are resolved on first use: importing the package loads neither torch nor anything else of weight.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from paintit._version import __version__ as __version__
@@ -45,3 +47,18 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """``paintit.paint`` is the function, also after the folder of that name has been imported.
+
+    The import system binds every submodule as an attribute of its package; this leaves that one out. The folder is
+    reached as usual: ``from paintit.paint.painter import Painter``.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name == "paint" and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

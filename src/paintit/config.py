@@ -83,6 +83,8 @@ class ViewConfig:
     """Vertical field of view in degrees."""
     close_up: float = 0.0
     """Share of views, 0 to 1, that look from nearer at a random point of the surface."""
+    front: float = 0.0
+    """Azimuth in degrees at which the mesh's front is seen: 0 where it looks along +Z, 180 where along -Z."""
     front_first: bool = False
     """View 0 is always the exact front, as in the official script."""
     size: int = 512

@@ -173,35 +173,37 @@ def _focus(data: Mapping[str, Any], name: str) -> FocusConfig:
     return FocusConfig(**{key: _typed(value, hints[key], f"{name}.{key}") for key, value in data.items()})
 
 
+#: What a prior can read (``guidance.prior.ReadChannel``, which this file may not import).
+CHANNELS = ("shaded", "base_color", "roughness", "metallic")
 #: Lowest and highest allowed value (both allowed) of each bounded number, by dotted name.
 _LIMITS: dict[str, tuple[float, float]] = {
     "texture.size": (8, 8192),
     "texture.input_channels": (1, 1024),
-    "texture.min_roughness": (0.0, 1.0),
-    "texture.normal_strength": (0.0, 1.0),
-    "texture.tv_weight": (0.0, math.inf),
-    "light.exposure": (0.0, math.inf),
+    "texture.min_roughness": (0, 1),
+    "texture.normal_strength": (0, 1),
+    "texture.tv_weight": (0, math.inf),
+    "light.exposure": (0, math.inf),
     "light.rotation": (-math.inf, math.inf),
     "views.count": (1, 256),
-    "views.radius": (1.0, 1000.0),
-    "views.fov": (1.0, 170.0),
-    "views.close_up": (0.0, 1.0),
+    "views.radius": (1, 1000),
+    "views.fov": (1, 170),
+    "views.close_up": (0, 1),
     "views.size": (8, 8192),
-    "views.background": (0.0, 1.0),
+    "views.background": (0, 1),
     "guidance.scale": (-math.inf, math.inf),
     "optim.steps": (1, 10_000_000),
-    "optim.decay": (0.0, 1.0),
+    "optim.decay": (0, 1),
     "optim.decay_every": (1, 10_000_000),
-    "optim.clip": (0.0, math.inf),
+    "optim.clip": (0, math.inf),
     "seed": (0, 2**63 - 1),
 }
 #: Pairs (low, high), each with the range both ends must lie in.
 _RANGES: dict[str, tuple[float, float]] = {
-    "views.elevation": (-90.0, 90.0),
-    "views.focus_elevation": (-90.0, 90.0),
-    "views.azimuth": (-720.0, 720.0),
-    "guidance.t_start": (0.0, 1.0),
-    "guidance.t_end": (0.0, 1.0),
+    "views.elevation": (-90, 90),
+    "views.focus_elevation": (-90, 90),
+    "views.azimuth": (-720, 720),
+    "guidance.t_start": (0.001, 1),
+    "guidance.t_end": (0.001, 1),
 }
 
 
@@ -225,14 +227,14 @@ def validate(config: PaintConfig) -> None:
     for name, (low, high) in _LIMITS.items():
         value = _get(config, name)
         if value is not None and not (low <= value <= high and math.isfinite(value)):
-            span = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+            span = f"at least {low}" if high == math.inf else f"from {low} to {high}"
             _refuse(name, value, "it must be a finite number" if low == -math.inf else f"it must be {span}")
     if not 0 < config.optim.lr < math.inf:
         _refuse("optim.lr", config.optim.lr, "it must be greater than 0")
     for name, (low, high) in _RANGES.items():
         a, b = _get(config, name)
         if not low <= a <= b <= high:
-            _refuse(name, (a, b), f"it must be two numbers, the lower first, from {low:g} to {high:g}")
+            _refuse(name, (a, b), f"it must be two numbers, the lower first, from {low} to {high}")
     _validate_texture(config.texture)
     for index, focus in enumerate(config.views.focus):
         if not 0 < focus.radius < math.inf:
@@ -243,6 +245,9 @@ def validate(config: PaintConfig) -> None:
         _refuse("prompt.template", config.prompt.template, "it must contain {prompt}")
     if not re.fullmatch(r"auto|cpu|mps|cuda(:\d+)?", config.device):
         _refuse("device", config.device, "choose auto, cpu, cuda, cuda:N or mps")
+    for channel in config.guidance.reads:
+        if channel not in CHANNELS:
+            _refuse("guidance.reads", config.guidance.reads, f"choose from {', '.join(CHANNELS)}")
     if not config.guidance.prior.strip():
         _refuse("guidance.prior", config.guidance.prior, "name one; 'paintit priors list' shows them")
 

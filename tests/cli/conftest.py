@@ -55,10 +55,10 @@ f 1/21 2/22 6/23 5/24
 """
 
 #: Everything small: a U-Net of two narrow levels, two views of 32 pixels, three steps.
-TINY = (
-    "--texture-size 32 --texture.widths 8 8 --texture.skip-widths 4 4 --texture.input-channels 4 "
-    "--views 2 --render-size 32 --steps 3 --preview none"
-).split()
+TINY = [
+    "--texture-size", "32", "--texture.widths", "8", "8", "--texture.skip-widths", "4", "4",
+    "--texture.input-channels", "4", "--views", "2", "--render-size", "32", "--steps", "3", "--preview", "none",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Ran:
         return [line for line in self.err.splitlines() if line]
 
 
-@pytest.fixture()
+@pytest.fixture
 def paintit(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
     """Run a command line in this process."""
 
@@ -90,7 +90,7 @@ def paintit(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
     return run
 
 
-@pytest.fixture()
+@pytest.fixture
 def cube(tmp_path: Path) -> Path:
     """A cube with its own texture coordinates."""
     path = tmp_path / "cube.obj"
@@ -98,7 +98,7 @@ def cube(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture()
+@pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working folder beside the meshes."""
     folder = tmp_path / "work"

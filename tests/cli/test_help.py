@@ -7,15 +7,17 @@ import sys
 from collections.abc import Callable
 
 import pytest
+from tests.cli.conftest import Ran
 
 from paintit._version import __version__
 from paintit.cli.main import COMMANDS
-from tests.cli.conftest import Ran
 
 HEAVY = ("torch", "warp", "trimesh", "diffusers", "scipy")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["paint", "--help"], ["paint", "m.obj", "p", "--stpes"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], ["paint", "--help"], ["paint", "m.obj", "p", "--stpes"]]
+)
 def test_nothing_heavy_is_imported_to_answer(arguments: list[str]) -> None:
     script = (
         "import sys; from paintit.cli.main import main\n"

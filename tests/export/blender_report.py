@@ -40,14 +40,28 @@ def main(path):
         if image.size[0]
     }
     objects = {
-        o.name: {"vertices": len(o.data.vertices), "faces": len(o.data.polygons), "materials": [m.name for m in o.data.materials],
-                 "groups": len(o.vertex_groups)}
+        o.name: {
+            "vertices": len(o.data.vertices),
+            "faces": len(o.data.polygons),
+            "materials": [m.name for m in o.data.materials],
+            "groups": len(o.vertex_groups),
+        }
         for o in bpy.data.objects
         if o.type == "MESH"
     }
-    print()
-    print(json.dumps({"materials": materials, "images": images, "objects": objects, "actions": len(bpy.data.actions),
-                      "armatures": len(bpy.data.armatures)}))
+    sys.stdout.write(
+        "\n"
+        + json.dumps(
+            {
+                "materials": materials,
+                "images": images,
+                "objects": objects,
+                "actions": len(bpy.data.actions),
+                "armatures": len(bpy.data.armatures),
+            }
+        )
+        + "\n"
+    )
 
 
 main(sys.argv[1])

@@ -55,6 +55,11 @@ def test_front_first_is_the_exact_front(spot):
         torch.testing.assert_close(views.cameras.eye[0], torch.tensor([0.0, 0.0, 3.25]))
 
 
+def test_the_front_can_be_elsewhere(spot):
+    for views in draw(spot, ViewConfig(front_first=True, front=180.0), 5):
+        torch.testing.assert_close(views.cameras.eye[0], torch.tensor([0.0, 0.0, -3.25]), atol=1e-5, rtol=0)
+
+
 def test_close_ups_meet_their_share_and_look_at_the_surface(spot):
     views = draw(spot, ViewConfig(count=4, close_up=0.3), 400)
     distance = torch.cat([(v.cameras.eye - v.cameras.target).norm(dim=-1) for v in views])

@@ -1,7 +1,7 @@
 """Sentences and the materials they mean: ``random_caption(rng, archetype)`` -> (caption, Material).
 
-A ``Material`` is a base layer and up to three overlays, each laid where its split says. Stated materials always win over what an
-object is usually made of, and word order matters: "gold coloured plastic" is plastic.
+A ``Material`` is a base layer and up to three overlays, each laid where its split says. Stated materials always win
+over what an object is usually made of, and word order matters: "gold coloured plastic" is plastic.
 """
 
 from __future__ import annotations
@@ -9,24 +9,67 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-
 from vocabulary import (
-    ANIMALS, COLORS, COMMON, FINISHES, FUR_WORDS, METAL_FINISHES, METALS, NATURAL, OBJECTS, PEOPLE, PRODUCE, TINTED, Coat, Color, Kind,
+    ANIMALS,
+    COLORS,
+    COMMON,
+    FINISHES,
+    FUR_WORDS,
+    METAL_FINISHES,
+    METALS,
+    NATURAL,
+    OBJECTS,
+    PEOPLE,
+    PRODUCE,
+    TINTED,
+    Coat,
+    Color,
+    Kind,
     hex_color,
 )
 
 Rng = np.random.Generator
 
 #: Sentences of the showcase, never trained on.
-HELD_OUT = frozenset({
-    "a brown and white dairy cow with short fur", "an inflatable rubber duck swim ring, glossy vinyl", "a koala with thick grey fur",
-    "a rusty steel wing nut", "a blue and white porcelain teapot", "a firefighter in uniform",
-    "a red fox with a white chest, realistic fur", "a 1930s leather flight helmet with brass goggles on a wooden stand",
-    "a carved wooden toy cow",
-})
+HELD_OUT = frozenset(
+    {
+        "a brown and white dairy cow with short fur",
+        "an inflatable rubber duck swim ring, glossy vinyl",
+        "a koala with thick grey fur",
+        "a rusty steel wing nut",
+        "a blue and white porcelain teapot",
+        "a firefighter in uniform",
+        "a red fox with a white chest, realistic fur",
+        "a 1930s leather flight helmet with brass goggles on a wooden stand",
+        "a carved wooden toy cow",
+    }
+)
 #: Kinds of split: where an overlay lies.
-SPLITS = ("none", "patches", "stripes", "spots", "cracks", "bricks", "checks", "bands", "veins", "rings", "specks", "rosettes",
-          "florals", "tiles", "below", "up", "belly", "limbs", "head", "accent", "top", "limbs_accent", "streaks")
+SPLITS = (
+    "none",
+    "patches",
+    "stripes",
+    "spots",
+    "cracks",
+    "bricks",
+    "checks",
+    "bands",
+    "veins",
+    "rings",
+    "specks",
+    "rosettes",
+    "florals",
+    "tiles",
+    "below",
+    "up",
+    "belly",
+    "limbs",
+    "head",
+    "accent",
+    "top",
+    "limbs_accent",
+    "streaks",
+)
 PART_SPLITS = SPLITS[17:22]
 
 
@@ -95,7 +138,9 @@ def _kind_material(kind: Kind, rng: Rng, color: Color | None = None) -> Material
     """The material of a family, in ``color`` or in one of its own."""
     base = color or hex_color(pick(rng, kind.colors))
     base = _jitter(base, rng, 0.012 if kind.metal == 1 else 0.02)
-    second = hex_color(pick(rng, kind.second)) if kind.second and color is None else _scaled(base, rng.uniform(0.45, 0.7))
+    second = (
+        hex_color(pick(rng, kind.second)) if kind.second and color is None else _scaled(base, rng.uniform(0.45, 0.7))
+    )
     rough = float(rng.uniform(*kind.rough))
     grain = kind.grain * rng.uniform(0.7, 1.4)
     plain_second = second if not kind.pattern else _scaled(base, 0.75)
@@ -122,12 +167,23 @@ def _finish(material: Material, word: str, rng: Rng) -> Material:
         if "dust" in rule:
             color, second = (_blend(c, (0.72, 0.69, 0.64), rule["dust"]) for c in (color, second))
         metal = layer.metal * (1 - 0.6 * rule.get("dust", 0.0))
-        return replace(layer, color=color, second=second, rough=float(np.clip(rough, 0.05, 0.98)), metal=metal,
-                       vary=min(0.8, layer.vary + rule.get("vary", 0.0)), rough_vary=0.05 + 0.2 * rule.get("vary", 0.0))
+        return replace(
+            layer,
+            color=color,
+            second=second,
+            rough=float(np.clip(rough, 0.05, 0.98)),
+            metal=metal,
+            vary=min(0.8, layer.vary + rule.get("vary", 0.0)),
+            rough_vary=0.05 + 0.2 * rule.get("vary", 0.0),
+        )
 
-    overlays = tuple((change(layer) if split.kind not in PART_SPLITS else layer, split) for layer, split in material.overlays)
+    overlays = tuple(
+        (change(layer) if split.kind not in PART_SPLITS else layer, split) for layer, split in material.overlays
+    )
     if "crack" in rule:
-        dark = change(replace(material.base, color=_scaled(material.base.color, 0.3), second=_scaled(material.base.color, 0.2)))
+        dark = change(
+            replace(material.base, color=_scaled(material.base.color, 0.3), second=_scaled(material.base.color, 0.2))
+        )
         overlays = (*overlays[:2], (dark, Split("cracks", 0.12, rng.uniform(0.8, 1.4), 0.02)))
     return Material(change(material.base), overlays, max(material.bump, rule.get("bump", 0.0)))
 
@@ -156,21 +212,41 @@ def _rusty_phrase(rng: Rng) -> Phrase:
         metal, rust = _kind_material(METALS[name], rng), _kind_material(NATURAL["rust"], rng)
         share = rng.uniform(0.4, 0.7)
         base = replace(metal.base, rough=float(rng.uniform(0.35, 0.6)), color=_scaled(metal.base.color, 0.85))
-        text = pick(rng, (f"rusty {name}", f"rusted {name}", f"corroded {name}", f"{name} with rust", f"old rusty {name}"))
-        return text, text if "with" not in text else f"rusty {name}", Material(
-            base, ((rust.base, Split("patches", share, rng.uniform(0.8, 1.6), 0.12)),), 0.2)
+        text = pick(
+            rng, (f"rusty {name}", f"rusted {name}", f"corroded {name}", f"{name} with rust", f"old rusty {name}")
+        )
+        return (
+            text,
+            text if "with" not in text else f"rusty {name}",
+            Material(base, ((rust.base, Split("patches", share, rng.uniform(0.8, 1.6), 0.12)),), 0.2),
+        )
     if which < 0.65:
         name = pick(rng, ("copper", "bronze", "brass"))
         metal, green = _kind_material(METALS[name], rng), _kind_material(NATURAL["verdigris"], rng)
-        text = pick(rng, (f"{name} with green patina", f"oxidised {name}", f"weathered {name}", f"{name} with verdigris"))
-        return text, f"weathered {name}", Material(_finish(metal, "tarnished", rng).base,
-                                                   ((green.base, Split("patches", rng.uniform(0.35, 0.6), 1.1, 0.15)),), 0.1)
+        text = pick(
+            rng, (f"{name} with green patina", f"oxidised {name}", f"weathered {name}", f"{name} with verdigris")
+        )
+        return (
+            text,
+            f"weathered {name}",
+            Material(
+                _finish(metal, "tarnished", rng).base,
+                ((green.base, Split("patches", rng.uniform(0.35, 0.6), 1.1, 0.15)),),
+                0.1,
+            ),
+        )
     color, value = color_word(rng)
     paint = _kind_material(TINTED["paint"], rng, value)
     if which < 0.85:
         under = _kind_material(METALS[pick(rng, ("steel", "iron"))], rng)
-        text = pick(rng, (f"chipped {color} paint on metal", f"{color} painted metal, chipped", f"worn {color} painted steel"))
-        return text, f"chipped {color} painted metal", Material(paint.base, ((under.base, Split("patches", 0.22, 1.3, 0.03)),), 0.05)
+        text = pick(
+            rng, (f"chipped {color} paint on metal", f"{color} painted metal, chipped", f"worn {color} painted steel")
+        )
+        return (
+            text,
+            f"chipped {color} painted metal",
+            Material(paint.base, ((under.base, Split("patches", 0.22, 1.3, 0.03)),), 0.05),
+        )
     if which < 0.93:
         text = f"{color} painted {pick(rng, ('metal', 'steel', 'iron'))}"
         return text, text, paint
@@ -179,7 +255,7 @@ def _rusty_phrase(rng: Rng) -> Phrase:
 
 
 def _tinted_phrase(rng: Rng) -> Phrase:
-    """"<finish> <colour> <material>"."""
+    """ "<finish> <colour> <material>"."""
     name = _weighted(rng, TINTED)
     kind = TINTED[name]
     form = kind.adjective or name
@@ -208,24 +284,55 @@ def _natural_phrase(rng: Rng) -> Phrase:
 def _pattern_phrase(rng: Rng) -> Phrase:
     """Two colours in a pattern, on a surface."""
     (one, a), (two, b) = color_word(rng), color_word(rng)
-    kind, words = pick(rng, (
-        ("stripes", "{a} and {b} striped {m}"), ("bands", "{a} {m} with {b} horizontal stripes"), ("spots", "{a} {m} with {b} dots"),
-        ("spots", "{a} {m} with {b} spots"), ("checks", "{a} and {b} checkered {m}"), ("patches", "{a} {m} with {b} patches"),
-        ("patches", "{a} and {b} {m}"), ("patches", "{a} and {b} patched {m}"), ("florals", "{a} {m} with {b} flowers"),
-        ("florals", "{a} {m} with a {b} painted pattern"), ("veins", "{a} marble with {b} veins"), ("specks", "{b} speckled {a} {m}"),
-        ("stripes", "{a} {m} with {b} stripes")))
-    name = pick(rng, ("plastic", "porcelain", "ceramic", "fabric", "cloth", "fur", "rubber", "wool", "vinyl", "leather", "enamel"))
+    kind, words = pick(
+        rng,
+        (
+            ("stripes", "{a} and {b} striped {m}"),
+            ("bands", "{a} {m} with {b} horizontal stripes"),
+            ("spots", "{a} {m} with {b} dots"),
+            ("spots", "{a} {m} with {b} spots"),
+            ("checks", "{a} and {b} checkered {m}"),
+            ("patches", "{a} {m} with {b} patches"),
+            ("patches", "{a} and {b} {m}"),
+            ("patches", "{a} and {b} patched {m}"),
+            ("florals", "{a} {m} with {b} flowers"),
+            ("florals", "{a} {m} with a {b} painted pattern"),
+            ("veins", "{a} marble with {b} veins"),
+            ("specks", "{b} speckled {a} {m}"),
+            ("stripes", "{a} {m} with {b} stripes"),
+        ),
+    )
+    name = pick(
+        rng,
+        ("plastic", "porcelain", "ceramic", "fabric", "cloth", "fur", "rubber", "wool", "vinyl", "leather", "enamel"),
+    )
     material = _kind_material(TINTED[name], rng, a)
     other = replace(material.base, color=_jitter(b, rng), second=_scaled(b, 0.7))
     share = {"spots": 0.3, "florals": 0.32, "veins": 0.15, "specks": 0.25}.get(kind, 0.5)
     text = words.format(a=one, b=two, m=name)
-    return text, text, Material(material.base, ((other, Split(kind, share, rng.uniform(0.7, 1.6), 0.04)),), material.bump)
+    return (
+        text,
+        text,
+        Material(material.base, ((other, Split(kind, share, rng.uniform(0.7, 1.6), 0.04)),), material.bump),
+    )
 
 
 def material_phrase(rng: Rng) -> Phrase:
     """Any material, metals about a quarter."""
-    return pick(rng, (_metal_phrase, _metal_phrase, _tinted_phrase, _tinted_phrase, _tinted_phrase, _natural_phrase, _natural_phrase,
-                      _rusty_phrase, _pattern_phrase))(rng)
+    return pick(
+        rng,
+        (
+            _metal_phrase,
+            _metal_phrase,
+            _tinted_phrase,
+            _tinted_phrase,
+            _tinted_phrase,
+            _natural_phrase,
+            _natural_phrase,
+            _rusty_phrase,
+            _pattern_phrase,
+        ),
+    )(rng)
 
 
 def plain_phrase(rng: Rng) -> Phrase:
@@ -234,7 +341,7 @@ def plain_phrase(rng: Rng) -> Phrase:
 
 
 def article(text: str, rng: Rng) -> str:
-    """"a", "an", "the" or none before ``text``."""
+    """ "a", "an", "the" or none before ``text``."""
     draw = rng.random()
     if draw < 0.7:
         return ("an " if text[0] in "aeiou" else "a ") + text
@@ -252,7 +359,9 @@ def coat_material(coat: Coat, rng: Rng, color: Color | None = None) -> Material:
     if coat.second and color is None:
         value = hex_color(pick(rng, coat.second))
         other = replace(material.base, color=_jitter(value, rng), second=_scaled(value, 0.7))
-        material = replace(material, overlays=((other, Split(coat.pattern, coat.share, coat.scale * rng.uniform(0.8, 1.25), 0.04)),))
+        material = replace(
+            material, overlays=((other, Split(coat.pattern, coat.share, coat.scale * rng.uniform(0.8, 1.25), 0.04)),)
+        )
     for kind_name, code in (("belly", coat.belly), ("limbs", coat.limbs), ("accent", coat.accent)):
         if code and (color is None or kind_name == "accent") and len(material.overlays) < 3:
             value = hex_color(code)
@@ -263,8 +372,77 @@ def coat_material(coat: Coat, rng: Rng, color: Color | None = None) -> Material:
     return material
 
 
+#: Animals that people ask for most: half of all.
+FAVOURITES = (
+    "cow", "dairy cow", "fox", "red fox", "koala", "duck", "zebra", "tiger", "leopard", "giraffe", "panda", "dog", "cat", "horse", "bear",
+    "sheep", "pig", "penguin", "elephant", "rabbit", "frog", "lion", "dalmatian", "chicken",
+)  # fmt: skip
+#: Simple stated materials of figures: "wooden", "porcelain".
+FIGURE_FORMS = (
+    "wood", "wood", "wood", "oak", "stone", "marble", "granite", "chocolate", "gold", "bronze", "silver", "copper", "steel", "porcelain",
+    "ceramic", "plastic", "rubber", "glass", "leather", "knitted wool", "clay", "paint",
+)  # fmt: skip
+
+
+def _figure_phrase(rng: Rng) -> tuple[str, Material]:
+    name = pick(rng, FIGURE_FORMS)
+    kind = METALS.get(name) or NATURAL.get(name) or TINTED[name]
+    form = {"gold": pick(rng, ("gold", "golden"))}.get(name, kind.adjective or name)
+    if name in TINTED and rng.random() < 0.5:
+        color, value = color_word(rng)
+        return f"{color} {form}", _kind_material(kind, rng, value)
+    return form, _kind_material(kind, rng)
+
+
+def _inflatable_caption(rng: Rng) -> tuple[str, Material]:
+    """Glossy vinyl things; a duck is yellow with an orange beak."""
+    name = pick(
+        rng,
+        (
+            "duck",
+            "duck",
+            "flamingo",
+            "ring",
+            "swim ring",
+            "float",
+            "pool float",
+            "ball",
+            "unicorn",
+            "boat",
+            "toy",
+            "swan",
+            "dolphin",
+        ),
+    )
+    coats = {
+        "duck": ("yellow", "#f08a14"),
+        "flamingo": ("pink", "#282020"),
+        "swan": ("white", "#e8741c"),
+        "dolphin": ("light blue", ""),
+    }
+    color, accent = coats.get(name, ("", ""))
+    word, value = (color, COLORS[color]) if color and rng.random() < 0.7 else color_word(rng)
+    material = _finish(_kind_material(TINTED["vinyl"], rng, value), "glossy", rng)
+    if accent:
+        code = hex_color(accent)
+        material = _over(material, Material(replace(material.base, color=code, second=code)), "accent")
+    thing = pick(rng, ("", "", " toy", " float", " ring")) if name in coats else ""
+    said = "" if word == color and rng.random() < 0.7 else f"{word} "
+    text = pick(
+        rng,
+        (
+            f"inflatable {said}{name}{thing}",
+            f"{said}inflatable {name}{thing}",
+            f"{said}rubber {name}{thing}" if accent else f"inflatable {said}{name}",
+            f"inflatable {said}{name}{thing}, vinyl",
+            f"{said}vinyl {name}{thing}, shiny",
+        ),
+    )
+    return article(text, rng), material
+
+
 def _animal_caption(rng: Rng) -> tuple[str, Material]:
-    name = pick(rng, list(ANIMALS))
+    name = pick(rng, FAVOURITES) if rng.random() < 0.5 else pick(rng, list(ANIMALS))
     coat = ANIMALS[name]
     surface = {"wet": "skin"}.get(coat.surface, coat.surface)
     draw = rng.random()
@@ -280,21 +458,38 @@ def _animal_caption(rng: Rng) -> tuple[str, Material]:
         word = pick(rng, list(FUR_WORDS)) + " " if rng.random() < 0.5 and coat.surface == "fur" else ""
         if word:
             material = replace(material, bump=FUR_WORDS[word.strip()].get("bump", material.bump))
-        text = pick(rng, (f"{color} {name}", f"{name} with {word}{color} {surface}", f"{color} {name} with {word}{surface}",
-                          f"{name}, {color} {surface}"))
+        text = pick(
+            rng,
+            (
+                f"{color} {name}",
+                f"{name} with {word}{color} {surface}",
+                f"{color} {name} with {word}{surface}",
+                f"{name}, {color} {surface}",
+            ),
+        )
     elif draw < 0.75:
         (one, a), (two, b) = color_word(rng), color_word(rng)
         material = coat_material(Coat(("#808080",), surface=coat.surface), rng, a)
         other = replace(material.base, color=_jitter(b, rng), second=_scaled(b, 0.75))
-        kind, text = pick(rng, (
-            ("patches", f"{one} and {two} {name}"), ("patches", f"{one} and {two} {name} with {surface}"), ("patches", f"{one} {name} with {two} patches"),
-            ("belly", f"{one} {name} with a {two} chest"), ("belly", f"{one} {name} with a {two} belly"), ("limbs", f"{one} {name} with {two} legs"),
-            ("spots", f"{one} {name} with {two} spots"), ("stripes", f"{one} {name} with {two} stripes"), ("head", f"{one} {name} with a {two} head"),
-            ("accent", f"{one} {name} with a {two} nose")))
+        kind, text = pick(
+            rng,
+            (
+                ("patches", f"{one} and {two} {name}"),
+                ("patches", f"{one} and {two} {name} with {surface}"),
+                ("patches", f"{one} {name} with {two} patches"),
+                ("belly", f"{one} {name} with a {two} chest"),
+                ("belly", f"{one} {name} with a {two} belly"),
+                ("limbs", f"{one} {name} with {two} legs"),
+                ("spots", f"{one} {name} with {two} spots"),
+                ("stripes", f"{one} {name} with {two} stripes"),
+                ("head", f"{one} {name} with a {two} head"),
+                ("accent", f"{one} {name} with a {two} nose"),
+            ),
+        )
         split = Split(kind, 0.45 if kind == "patches" else 0.35, rng.uniform(0.8, 1.3), 0.05)
         material = replace(material, overlays=((other, split),))
     else:  # a figure of something else: the stated material wins
-        _, form, material = material_phrase(rng)
+        form, material = _figure_phrase(rng) if rng.random() < 0.5 else material_phrase(rng)[1:]
         toy = pick(rng, ("", "", "toy ", "statue of a ", "figurine of a ", "sculpture of a ", "model of a "))
         if toy.endswith("of a "):
             text = f"{form} {toy}{name}"
@@ -315,7 +510,9 @@ def _person_caption(rng: Rng) -> tuple[str, Material]:
     draw = rng.random()
     cloth = TINTED["cloth"]
     if draw < 0.55:
-        text = pick(rng, (name, name, f"{name} in uniform", f"{name} wearing a uniform", f"young {name}", f"{name}, full body"))
+        text = pick(
+            rng, (name, name, f"{name} in uniform", f"{name} wearing a uniform", f"young {name}", f"{name}, full body")
+        )
     else:
         color, value = color_word(rng)
         garment = pick(rng, ("jacket", "suit", "coat", "shirt", "uniform", "sweater", "robe"))
@@ -330,11 +527,22 @@ def _person_caption(rng: Rng) -> tuple[str, Material]:
     material = _kind_material(cloth, rng, value)
     if legs:
         code = hex_color(legs)
-        material = replace(material, overlays=((replace(material.base, color=code, second=_scaled(code, 0.8)), Split("below", 0.45, 1, 0.02)),))
+        material = replace(
+            material,
+            overlays=((replace(material.base, color=code, second=_scaled(code, 0.8)), Split("below", 0.45, 1, 0.02)),),
+        )
     if stripe:
         code = hex_color(stripe)
-        material = replace(material, overlays=(*material.overlays, (
-            replace(material.base, color=code, second=code, vary=0.02, rough=0.5), Split("bands", 0.14, 0.7, 0.02))))
+        material = replace(
+            material,
+            overlays=(
+                *material.overlays,
+                (
+                    replace(material.base, color=code, second=code, vary=0.02, rough=0.5),
+                    Split("bands", 0.14, 0.7, 0.02),
+                ),
+            ),
+        )
     return article(text, rng), _over(material, skin, "head")
 
 
@@ -342,7 +550,9 @@ def _produce_caption(rng: Rng) -> tuple[str, Material]:
     name = pick(rng, list(PRODUCE))
     one, two, rough = PRODUCE[name]
     color = _jitter(hex_color(one), rng, 0.02)
-    layer = Layer(color, hex_color(two), 0.45, rng.uniform(0.8, 2), float(np.clip(rng.normal(rough, 0.05), 0.06, 0.95)), 0.0)
+    layer = Layer(
+        color, hex_color(two), 0.45, rng.uniform(0.8, 2), float(np.clip(rng.normal(rough, 0.05), 0.06, 0.95)), 0.0
+    )
     text = pick(rng, (name, f"ripe {name}", f"fresh {name}", f"shiny {name}", f"{name} skin"))
     material = Material(layer, bump=0.08)
     if rng.random() < 0.25:
@@ -353,8 +563,19 @@ def _produce_caption(rng: Rng) -> tuple[str, Material]:
 
 def _tree_caption(rng: Rng) -> tuple[str, Material]:
     bark = _kind_material(NATURAL["bark"], rng)
-    name, leaf = pick(rng, (("tree", "leaves"), ("oak tree", "leaves"), ("autumn tree", "autumn leaves"), ("bush", "leaves"),
-                            ("snowy tree", "snow"), ("apple tree", "leaves"), ("bonsai tree", "leaves"), ("plant", "leaves")))
+    name, leaf = pick(
+        rng,
+        (
+            ("tree", "leaves"),
+            ("oak tree", "leaves"),
+            ("autumn tree", "autumn leaves"),
+            ("bush", "leaves"),
+            ("snowy tree", "snow"),
+            ("apple tree", "leaves"),
+            ("bonsai tree", "leaves"),
+            ("plant", "leaves"),
+        ),
+    )
     return article(name, rng), _over(_kind_material(NATURAL[leaf], rng), bark, "limbs")
 
 
@@ -375,19 +596,37 @@ def _object_caption(rng: Rng, archetype: str) -> tuple[str, Material]:
     noun, form, material = material_phrase(rng)
     if rng.random() < 0.1:
         form = pick(rng, ("1930s", "1950s", "modern", "medieval", "small", "large", "simple", "decorated")) + " " + form
-    text = pick(rng, (f"{form} {name}", f"{form} {name}", f"{form} {name}", f"{name} made of {noun}", f"{name}, {noun}"))
+    text = pick(
+        rng, (f"{form} {name}", f"{form} {name}", f"{form} {name}", f"{name} made of {noun}", f"{name}, {noun}")
+    )
     if rng.random() < 0.35:
-        noun2, form2, second = plain_phrase(rng)
-        detail, split = pick(rng, (
-            ("with {f} details", "accent"), ("with {f} handles", "limbs"), ("with a {f} lid", "top"), ("on a {f} stand", "limbs"),
-            ("on a {f} base", "below"), ("with {f} trim", "accent"), ("with {f} buttons", "accent"), ("with {f} goggles", "accent"),
-            ("with {f} legs", "limbs"), ("with {f} straps", "bands"), ("with a {f} top", "top"), ("with {f} rivets", "spots"),
-            ("with {f} wheels", "accent")))
+        _, form2, second = plain_phrase(rng)
+        detail, split = pick(
+            rng,
+            (
+                ("with {f} details", "accent"),
+                ("with {f} handles", "limbs"),
+                ("with a {f} lid", "top"),
+                ("on a {f} stand", "limbs"),
+                ("on a {f} base", "below"),
+                ("with {f} trim", "accent"),
+                ("with {f} buttons", "accent"),
+                ("with {f} goggles", "accent"),
+                ("with {f} legs", "limbs"),
+                ("with {f} straps", "bands"),
+                ("with a {f} top", "top"),
+                ("with {f} rivets", "spots"),
+                ("with {f} wheels", "accent"),
+            ),
+        )
         material = _over(material, second, split, 0.25)
         text += " " + detail.format(f=form2)
         if rng.random() < 0.25 and split != "below":
             _, form3, third = plain_phrase(rng)
-            material, text = _over(material, third, "below" if split == "limbs" else "limbs", 0.25), f"{text} on a {form3} stand"
+            material, text = (
+                _over(material, third, "below" if split == "limbs" else "limbs", 0.25),
+                f"{text} on a {form3} stand",
+            )
     return article(text, rng), material
 
 
@@ -395,10 +634,21 @@ def _bare_caption(rng: Rng) -> tuple[str, Material]:
     noun, _, material = material_phrase(rng)
     if rng.random() < 0.3:
         noun2, _, second = plain_phrase(rng)
-        words, kind = pick(rng, (
-            ("{a} and {b}", "patches"), ("{a} with {b}", "patches"), ("{a} with patches of {b}", "patches"), ("{a} covered in {b}", "up"),
-            ("{a} with {b} on top", "up"), ("{a} above, {b} below", "below"), ("half {a}, half {b}", "below"), ("{a} with {b} stripes", "bands"),
-            ("{a} with {b} spots", "spots"), ("{a} with cracks of {b}", "cracks")))
+        words, kind = pick(
+            rng,
+            (
+                ("{a} and {b}", "patches"),
+                ("{a} with {b}", "patches"),
+                ("{a} with patches of {b}", "patches"),
+                ("{a} covered in {b}", "up"),
+                ("{a} with {b} on top", "up"),
+                ("{a} above, {b} below", "below"),
+                ("half {a}, half {b}", "below"),
+                ("{a} with {b} stripes", "bands"),
+                ("{a} with {b} spots", "spots"),
+                ("{a} with cracks of {b}", "cracks"),
+            ),
+        )
         material = _over(material, second, kind, 0.6 if "covered" in words else 0.45, 0.05)
         noun = words.format(a=noun, b=noun2)
     return noun, material
@@ -415,11 +665,22 @@ def _core_caption(rng: Rng) -> tuple[str, Material]:
             color = pick(rng, ("gold coloured", "silver coloured", "copper coloured", "bronze coloured", "golden"))
         material = _kind_material(TINTED[name], rng, COLORS[color])
         noun = form = f"{color} {name}"
-    return (noun if rng.random() < 0.7 else article(f"{form} {pick(rng, list(OBJECTS) + list(ANIMALS))}", rng)), material
+    return (
+        noun if rng.random() < 0.7 else article(f"{form} {pick(rng, list(OBJECTS) + list(ANIMALS))}", rng)
+    ), material
 
 
 PREFIXES = ("a photo of ", "a DSLR photo of ", "a 3d render of ", "a picture of ", "a close-up of ")
-SUFFIXES = (", best quality", ", highly detailed", ", front view", ", side view", ", back view", ", overhead view", ", realistic", ", studio light")
+SUFFIXES = (
+    ", best quality",
+    ", highly detailed",
+    ", front view",
+    ", side view",
+    ", back view",
+    ", overhead view",
+    ", realistic",
+    ", studio light",
+)
 
 
 def random_caption(rng: Rng, archetype: str) -> tuple[str, Material]:
@@ -429,15 +690,19 @@ def random_caption(rng: Rng, archetype: str) -> tuple[str, Material]:
         text, material = _core_caption(rng)
     elif draw < 0.38:
         text, material = _bare_caption(rng)
-    elif archetype in ("quadruped", "bird") and draw < 0.85:
+    elif archetype in ("bird", "ring", "ball") and draw < 0.44:
+        text, material = _inflatable_caption(rng)
+    elif draw < 0.395:
+        text, material = _person_caption(rng)
+    elif archetype in ("quadruped", "bird") and draw < 0.9:
         text, material = _animal_caption(rng)
-    elif archetype == "figure" and draw < 0.8:
+    elif archetype == "figure" and draw < 0.88:
         text, material = _person_caption(rng)
     elif archetype == "plant" and draw < 0.6:
         text, material = _tree_caption(rng)
-    elif archetype in ("ball", "blob") and draw < 0.52:
+    elif archetype in ("ball", "blob") and draw < 0.56:
         text, material = _produce_caption(rng)
-    elif draw < 0.43:
+    elif draw < 0.45:
         text, material = _animal_caption(rng)
     else:
         text, material = _object_caption(rng, archetype)

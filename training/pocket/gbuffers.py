@@ -8,12 +8,25 @@ from pathlib import Path
 
 import numpy as np
 import torch
-
 from shapes import random_cameras, random_shape, trace
 
 WORK = Path(__file__).parent / "work"
-ARCHETYPES = ("quadruped", "figure", "bird", "vessel", "furniture", "plant", "vehicle", "headgear", "tool", "blob", "ball",
-              "block", "ring", "compound")
+ARCHETYPES = (
+    "quadruped",
+    "figure",
+    "bird",
+    "vessel",
+    "furniture",
+    "plant",
+    "vehicle",
+    "headgear",
+    "tool",
+    "blob",
+    "ball",
+    "block",
+    "ring",
+    "compound",
+)
 #: Value of ``part`` where a ray meets nothing.
 MISS = 255
 
@@ -29,8 +42,12 @@ def make(job: tuple[int, int, int, int]) -> dict[str, np.ndarray]:
         b = trace(shape, random_cameras(shape, views, rng), size)
         part = torch.where(b.mask, b.part, MISS)
         rows = {
-            "position": b.position.half(), "normal": (b.normal * 127).round().to(torch.int8), "part": part, "eye": b.eye,
-            "frame": b.frame, "archetype": torch.full((views,), ARCHETYPES.index(b.archetype), dtype=torch.uint8),
+            "position": b.position.half(),
+            "normal": (b.normal * 127).round().to(torch.int8),
+            "part": part,
+            "eye": b.eye,
+            "frame": b.frame,
+            "archetype": torch.full((views,), ARCHETYPES.index(b.archetype), dtype=torch.uint8),
         }
         for name, value in rows.items():
             columns.setdefault(name, []).append(value.numpy())

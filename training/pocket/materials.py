@@ -1,4 +1,4 @@
-"""Solid materials: a periodic noise volume, split masks, layers blended at hit points, and shading with the package's own code."""
+"""Solid materials: a periodic noise volume, split masks, layers blended at hit points, the package's own shading."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 import torch
 import torch.nn.functional as F
+from captions import Layer, Material, Split
+from shapes import ACCENT, HEAD, LIMB, TOP
 from torch import Tensor
 
-from captions import Layer, Material, Split
 from paintit.color import decode_srgb, encode_srgb
 from paintit.render.light import Light
 from paintit.render.shade import shade
-from shapes import ACCENT, HEAD, LIMB, TOP
 
 VOLUME = 96
 #: Channels of the volume, each spread evenly over [0, 1].
@@ -23,7 +23,7 @@ COARSE, FINE, CELL, EDGE, ID, BROAD, OTHER = range(7)
 
 @lru_cache(maxsize=1)
 def noise_volume(seed: int = 7, side: int = VOLUME) -> Tensor:
-    """(1, 7, side, side, side): three power-law noises, Worley distance, Worley edge, cell value, broad noise; periodic, ranked."""
+    """(1, 7, side, side, side), periodic, ranked: the noises that the channel names above list, in that order."""
     rng = np.random.default_rng(seed)
     frequency = np.fft.fftfreq(side) * side
     radius = np.sqrt(sum(f**2 for f in np.meshgrid(frequency, frequency, frequency, indexing="ij")))
@@ -33,7 +33,9 @@ def noise_volume(seed: int = 7, side: int = VOLUME) -> Tensor:
         return np.fft.ifftn(np.fft.fftn(rng.normal(size=(side,) * 3)) * gain).real
 
     cells = 6
-    jitter = (np.stack(np.meshgrid(*[np.arange(cells)] * 3, indexing="ij"), -1) + rng.uniform(0.1, 0.9, (cells,) * 3 + (3,))) / cells
+    jitter = (
+        np.stack(np.meshgrid(*[np.arange(cells)] * 3, indexing="ij"), -1) + rng.uniform(0.1, 0.9, (cells,) * 3 + (3,))
+    ) / cells
     values = rng.uniform(size=cells**3)
     axis = (np.arange(side) + 0.5) / side
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)
@@ -54,8 +56,15 @@ def noise_volume(seed: int = 7, side: int = VOLUME) -> Tensor:
         out[np.argsort(x, axis=None)] = np.linspace(0, 1, x.size, dtype=np.float32)
         return out.reshape(x.shape)
 
-    channels = [ranked(power(3, 20, -2.2)), ranked(power(10, 48, -1.5)), ranked(order[0]), ranked(order[1] - order[0]),
-                values[nearest].astype(np.float32), ranked(power(1, 5, -1.0)), ranked(power(3, 16, -2.2))]
+    channels = [
+        ranked(power(3, 20, -2.2)),
+        ranked(power(10, 48, -1.5)),
+        ranked(order[0]),
+        ranked(order[1] - order[0]),
+        values[nearest].astype(np.float32),
+        ranked(power(1, 5, -1.0)),
+        ranked(power(3, 16, -2.2)),
+    ]
     return torch.from_numpy(np.stack(channels))[None].float()
 
 
@@ -99,7 +108,11 @@ def split_mask(split: Split, p: Points, mine: Tensor, noise: Tensor) -> Tensor:
     if kind == "bands":
         return _wave(q[:, 1] * 2.2 * scale + warp * 0.05, share, soft)
     if kind == "rings":
-        return _wave(((q[:, 0] + warp * 0.3) ** 2 + (q[:, 2] * 0.6 + warp * 0.4) ** 2).sqrt() * 5 * scale + q[:, 1] * 0.2, share, 0.25)
+        return _wave(
+            ((q[:, 0] + warp * 0.3) ** 2 + (q[:, 2] * 0.6 + warp * 0.4) ** 2).sqrt() * 5 * scale + q[:, 1] * 0.2,
+            share,
+            0.25,
+        )
     if kind == "veins":
         return _ramp((noise[:, COARSE] - 0.5).abs() * 2, share, 0.1)
     if kind == "spots":
@@ -113,12 +126,19 @@ def split_mask(split: Split, p: Points, mine: Tensor, noise: Tensor) -> Tensor:
     if kind == "florals":
         return _ramp((noise[:, OTHER] - 0.5).abs() * 2, share, 0.04) * (noise[:, BROAD] < 0.8)
     if kind == "checks":
-        return ((q * 2.5 * scale).floor().sum(-1) % 2)
+        return (q * 2.5 * scale).floor().sum(-1) % 2
     if kind in ("bricks", "tiles"):
         rows = q[:, 1] * 4 * scale
-        along = torch.where(normal[:, 0].abs() > normal[:, 2].abs(), q[:, 2], q[:, 0]) * 2 * scale * (2 if kind == "tiles" else 1)
+        along = (
+            torch.where(normal[:, 0].abs() > normal[:, 2].abs(), q[:, 2], q[:, 0])
+            * 2
+            * scale
+            * (2 if kind == "tiles" else 1)
+        )
         along = along + (0.5 * (rows.floor() % 2) if kind == "bricks" else 0)
-        edge = torch.minimum((rows - rows.floor() - 0.5).abs().neg() + 0.5, 2 * (0.5 - (along - along.floor() - 0.5).abs()))
+        edge = torch.minimum(
+            (rows - rows.floor() - 0.5).abs().neg() + 0.5, 2 * (0.5 - (along - along.floor() - 0.5).abs())
+        )
         return (edge < 0.1).float()
     if kind == "below":
         low, high = q[:, 1].min(), q[:, 1].max()
@@ -184,17 +204,29 @@ def rotate_y(vector: Tensor, angle: Tensor) -> Tensor:
     return torch.stack([c * x + s * z, y, c * z - s * x], -1)
 
 
-def render_stack(surface: Tensor, normal: Tensor, p: Points, light: Light, yaw: Tensor, gain: Tensor, mask: Tensor,
-                 background: Tensor) -> Tensor:
-    """(b, 8, s, s) in [0, 1]: sRGB-coded shaded and base colour, roughness, metalness; 0.5 in the last five off the object.
+def render_stack(
+    surface: Tensor,
+    normal: Tensor,
+    p: Points,
+    light: Light,
+    yaw: Tensor,
+    gain: Tensor,
+    mask: Tensor,
+    background: Tensor,
+) -> Tensor:
+    """(b, 8, s, s) in [0, 1]: sRGB-coded shaded and base colour, roughness, metalness; material channels 0.5 off it.
 
-    ``yaw`` and ``gain`` (b,) turn and scale the light of each sample; ``background`` (b,) linear grey; ``mask`` (b, s, s).
+    ``yaw`` and ``gain`` (b,) turn and scale each sample's light; ``background`` (b,) linear grey; ``mask`` (b, s, s).
     """
     turn = yaw[p.sample]
-    radiance = shade(surface[:, :3], surface[:, 3:4], surface[:, 4:5], rotate_y(normal, turn), rotate_y(p.view, turn), light)
+    radiance = shade(
+        surface[:, :3], surface[:, 3:4], surface[:, 4:5], rotate_y(normal, turn), rotate_y(p.view, turn), light
+    )
     b, height, width = mask.shape
     image = torch.empty(b, height, width, 8)
     image[..., :3] = encode_srgb(background)[:, None, None, None]
     image[..., 3:] = 0.5
-    image[mask] = torch.cat([encode_srgb(radiance * gain[p.sample, None]), encode_srgb(surface[:, :3]), surface[:, 3:]], 1)
+    image[mask] = torch.cat(
+        [encode_srgb(radiance * gain[p.sample, None]), encode_srgb(surface[:, :3]), surface[:, 3:]], 1
+    )
     return image.permute(0, 3, 1, 2)

@@ -1,6 +1,7 @@
+# ruff: noqa: RUF005  (array + list is addition here)
 """Procedural training shapes: compounds of signed distance primitives, sphere-traced into small g-buffers.
 
-No mesh is read anywhere: animals, figures, vessels, furniture, trees, tools and blobs are drawn from a few random recipes.
+No mesh is read anywhere: animals, figures, vessels, furniture, trees, tools and blobs come from a few recipes.
 A shape lives in the package's normalised space (bounding box centred at the origin, longest edge 2, +Y up, front +Z).
 """
 
@@ -58,7 +59,8 @@ class Shape:
             least = torch.minimum(least, d)
             h = (self.blend - (total - d).abs()).clamp_min(0) / self.blend
             total = torch.minimum(total, d) - h * h * (self.blend / 4)
-        assert total is not None and part is not None
+        assert total is not None
+        assert part is not None
         if self.waves is not None:
             w = torch.as_tensor(self.waves, dtype=torch.float32)
             total = total + self.wave_height * torch.sin(p @ w[:, :3].T + w[:, 3]).prod(-1)
@@ -110,13 +112,15 @@ def _capsule(a, b, r0: float, r1: float, part: int = LIMB) -> Primitive:
 
 
 def _ellipsoid(c, r, part: int = BODY, rotation: np.ndarray | None = None) -> Primitive:
-    return Primitive("ellipsoid", np.asarray(c, float), np.asarray(r, float), np.eye(3) if rotation is None else rotation,
-                     part)
+    return Primitive(
+        "ellipsoid", np.asarray(c, float), np.asarray(r, float), np.eye(3) if rotation is None else rotation, part
+    )
 
 
 def _box(c, half, rounding: float, part: int = BODY, rotation: np.ndarray | None = None) -> Primitive:
-    return Primitive("box", np.asarray(c, float), np.array([*half, rounding]), np.eye(3) if rotation is None else rotation,
-                     part)
+    return Primitive(
+        "box", np.asarray(c, float), np.array([*half, rounding]), np.eye(3) if rotation is None else rotation, part
+    )
 
 
 def _cylinder(c, radius: float, half: float, part: int = BODY, rotation: np.ndarray | None = None) -> Primitive:
@@ -126,7 +130,9 @@ def _cylinder(c, radius: float, half: float, part: int = BODY, rotation: np.ndar
 
 def _lie(axis: int) -> np.ndarray:
     """Rotation that turns local y onto world axis 0 or 2."""
-    return np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]) if axis == 0 else np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    return (
+        np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]) if axis == 0 else np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    )
 
 
 def quadruped(rng: np.random.Generator) -> Shape:
@@ -141,15 +147,25 @@ def quadruped(rng: np.random.Generator) -> Shape:
             parts.append(_capsule(hip, foot, u(0.1, 0.17), u(0.06, 0.11)))
     head = np.array([0, thick * u(0.4, 1.6), length * u(1.0, 1.3)])
     size = u(0.2, 0.34)
-    parts += [_capsule([0, thick * 0.3, length * 0.7], head, thick * 0.6, size * 0.7, BODY),
-              _ellipsoid(head, [size, size, size * u(0.9, 1.3)], HEAD),
-              _ellipsoid(head + [0, -0.3 * size, size], [size * 0.55, size * 0.5, size * u(0.4, 1.0)],
-                         ACCENT if rng.random() < 0.3 else HEAD)]
+    parts += [
+        _capsule([0, thick * 0.3, length * 0.7], head, thick * 0.6, size * 0.7, BODY),
+        _ellipsoid(head, [size, size, size * u(0.9, 1.3)], HEAD),
+        _ellipsoid(
+            head + [0, -0.3 * size, size],
+            [size * 0.55, size * 0.5, size * u(0.4, 1.0)],
+            ACCENT if rng.random() < 0.3 else HEAD,
+        ),
+    ]
     height, spread = u(0.7, 1.6), u(0.5, 0.9)
     for side in (-1, 1):
         ear = head + [side * size * spread, size * 0.6, 0]
-        parts.append(_ellipsoid(ear + [side * 0.05, size * height * 0.3, 0], [size * 0.3, size * height * 0.5, size * 0.2],
-                                ACCENT if rng.random() < 0.3 else HEAD))
+        parts.append(
+            _ellipsoid(
+                ear + [side * 0.05, size * height * 0.3, 0],
+                [size * 0.3, size * height * 0.5, size * 0.2],
+                ACCENT if rng.random() < 0.3 else HEAD,
+            )
+        )
     tail = np.array([0, u(-0.3, 0.5), -length - u(0.2, 0.6)])
     parts.append(_capsule([0, thick * 0.4, -length * 0.9], tail, u(0.04, 0.1), u(0.03, 0.16)))
     return Shape("quadruped", parts, u(0.04, 0.12))
@@ -159,15 +175,20 @@ def figure(rng: np.random.Generator) -> Shape:
     """Standing figure with arms at an angle; sometimes a hat."""
     u = rng.uniform
     wide, arm = u(0.16, 0.3), u(0.2, 1.4)
-    parts = [_capsule([0, 0, 0], [0, 0.5, 0], wide, wide * u(0.9, 1.2), BODY),
-             _ellipsoid([0, 0.85 + wide * 0.4, 0.02], [u(0.13, 0.24)] * 3, HEAD)]
+    parts = [
+        _capsule([0, 0, 0], [0, 0.5, 0], wide, wide * u(0.9, 1.2), BODY),
+        _ellipsoid([0, 0.85 + wide * 0.4, 0.02], [u(0.13, 0.24)] * 3, HEAD),
+    ]
     for side in (-1, 1):
         shoulder = np.array([side * wide, 0.52, 0])
         elbow = shoulder + 0.35 * np.array([side * math.sin(arm), -math.cos(arm), u(-0.2, 0.3)])
         hand = elbow + 0.35 * np.array([side * math.sin(arm * 0.8), -math.cos(arm * 0.8), u(-0.1, 0.5)])
-        parts += [_capsule(shoulder, elbow, u(0.08, 0.12), 0.07), _capsule(elbow, hand, 0.075, 0.06),
-                  _capsule([side * wide * 0.55, -0.05, 0], [side * wide * u(0.6, 1), -0.95, u(-0.1, 0.1)], 0.14, 0.08),
-                  _ellipsoid([side * wide * 0.8, -0.98, 0.06], [0.08, 0.06, 0.15], ACCENT)]
+        parts += [
+            _capsule(shoulder, elbow, u(0.08, 0.12), 0.07),
+            _capsule(elbow, hand, 0.075, 0.06),
+            _capsule([side * wide * 0.55, -0.05, 0], [side * wide * u(0.6, 1), -0.95, u(-0.1, 0.1)], 0.14, 0.08),
+            _ellipsoid([side * wide * 0.8, -0.98, 0.06], [0.08, 0.06, 0.15], ACCENT),
+        ]
     if rng.random() < 0.4:
         parts.append(_cylinder([0, 1.0 + wide * 0.4, 0], u(0.18, 0.35), u(0.02, 0.12), TOP))
     return Shape("figure", parts, u(0.03, 0.08))
@@ -179,14 +200,18 @@ def bird(rng: np.random.Generator) -> Shape:
     body = np.array([u(0.4, 0.6), u(0.4, 0.6), u(0.55, 0.9)])
     head = np.array([0, body[1] + u(0.05, 0.3), body[2] * u(0.4, 0.9)])
     r = u(0.22, 0.36)
-    parts = [_ellipsoid([0, 0, 0], body), _ellipsoid(head, [r, r, r], HEAD),
-             _ellipsoid(head + [0, -0.1 * r, r * 1.1], [r * 0.45, r * 0.25, r * u(0.4, 0.9)], ACCENT),
-             _ellipsoid([0, body[1] * 0.5, -body[2] * 1.05], [0.2, 0.08, 0.3])]
+    parts = [
+        _ellipsoid([0, 0, 0], body),
+        _ellipsoid(head, [r, r, r], HEAD),
+        _ellipsoid(head + [0, -0.1 * r, r * 1.1], [r * 0.45, r * 0.25, r * u(0.4, 0.9)], ACCENT),
+        _ellipsoid([0, body[1] * 0.5, -body[2] * 1.05], [0.2, 0.08, 0.3]),
+    ]
     for side in (-1, 1):
         parts.append(_ellipsoid([side * body[0] * 0.9, 0.05, -0.1], [0.1, body[1] * 0.6, body[2] * 0.6], LIMB))
     if rng.random() < 0.4:
-        parts += [_capsule([s * 0.15, -body[1] * 0.8, 0], [s * 0.18, -body[1] - 0.35, 0], 0.05, 0.05, ACCENT)
-                  for s in (-1, 1)]
+        parts += [
+            _capsule([s * 0.15, -body[1] * 0.8, 0], [s * 0.18, -body[1] - 0.35, 0], 0.05, 0.05, ACCENT) for s in (-1, 1)
+        ]
     return Shape("bird", parts, u(0.03, 0.1))
 
 
@@ -201,13 +226,22 @@ def vessel(rng: np.random.Generator) -> Shape:
     parts = [Primitive("lathe", np.zeros(3), np.array([half]), profile=table)]
     r = float(table[16])
     if rng.random() < 0.5:
-        parts.append(Primitive("torus", np.array([r + 0.1, u(-0.2, 0.2), 0]), np.array([u(0.2, 0.4), u(0.04, 0.08)]),
-                               np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), LIMB))
+        parts.append(
+            Primitive(
+                "torus",
+                np.array([r + 0.1, u(-0.2, 0.2), 0]),
+                np.array([u(0.2, 0.4), u(0.04, 0.08)]),
+                np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+                LIMB,
+            )
+        )
     if rng.random() < 0.4:
         parts.append(_capsule([-r * 0.7, -0.1 * half, 0], [-r - 0.45, half * u(0.3, 0.9), 0], 0.14, 0.07, LIMB))
     if rng.random() < 0.4:
-        parts += [_ellipsoid([0, half, 0], [table[-1] * 0.9, 0.12, table[-1] * 0.9], TOP),
-                  _ellipsoid([0, half + 0.15, 0], [0.09, 0.09, 0.09], ACCENT)]
+        parts += [
+            _ellipsoid([0, half, 0], [table[-1] * 0.9, 0.12, table[-1] * 0.9], TOP),
+            _ellipsoid([0, half + 0.15, 0], [0.09, 0.09, 0.09], ACCENT),
+        ]
     return Shape("vessel", parts, 0.04)
 
 
@@ -217,8 +251,11 @@ def furniture(rng: np.random.Generator) -> Shape:
     x, z, leg = u(0.4, 0.9), u(0.4, 0.7), u(0.3, 0.9)
     parts = [_box([0, 0, 0], [x, u(0.04, 0.2), z], 0.04)]
     thick = u(0.04, 0.1)
-    parts += [_box([sx * (x - 0.1), -leg / 2 - 0.05, sz * (z - 0.1)], [thick, leg / 2 + 0.05, thick], 0.02, LIMB)
-              for sx in (-1, 1) for sz in (-1, 1)]
+    parts += [
+        _box([sx * (x - 0.1), -leg / 2 - 0.05, sz * (z - 0.1)], [thick, leg / 2 + 0.05, thick], 0.02, LIMB)
+        for sx in (-1, 1)
+        for sz in (-1, 1)
+    ]
     if rng.random() < 0.6:
         parts.append(_box([0, 0.5, -z + 0.08], [x, u(0.4, 0.7), u(0.05, 0.15)], 0.04, TOP))
     if rng.random() < 0.3:
@@ -230,7 +267,9 @@ def plant(rng: np.random.Generator) -> Shape:
     """Trunk with blobs of leaves, or a pot with a plant."""
     u = rng.uniform
     parts = [_capsule([0, -1, 0], [u(-0.1, 0.1), 0.3, 0], u(0.1, 0.25), 0.1, LIMB)]
-    parts += [_ellipsoid([u(-0.4, 0.4), u(0.1, 0.9), u(-0.4, 0.4)], u(0.25, 0.55, 3), TOP) for _ in range(rng.integers(2, 5))]
+    parts += [
+        _ellipsoid([u(-0.4, 0.4), u(0.1, 0.9), u(-0.4, 0.4)], u(0.25, 0.55, 3), TOP) for _ in range(rng.integers(2, 5))
+    ]
     return Shape("plant", parts, 0.08, _waves(rng, 5, 9), u(0, 0.03))
 
 
@@ -238,8 +277,13 @@ def vehicle(rng: np.random.Generator) -> Shape:
     """Body, cabin and wheels."""
     u = rng.uniform
     x, y, z = u(0.35, 0.5), u(0.15, 0.3), u(0.8, 1.1)
-    parts = [_box([0, 0, 0], [x, y, z], u(0.05, 0.14)), _box([0, y + 0.15, -0.1], [x * 0.85, 0.2, z * u(0.3, 0.6)], 0.12, TOP)]
-    parts += [_cylinder([sx * x, -y, sz * z * 0.6], u(0.18, 0.28), 0.09, ACCENT, _lie(0)) for sx in (-1, 1) for sz in (-1, 1)]
+    parts = [
+        _box([0, 0, 0], [x, y, z], u(0.05, 0.14)),
+        _box([0, y + 0.15, -0.1], [x * 0.85, 0.2, z * u(0.3, 0.6)], 0.12, TOP),
+    ]
+    parts += [
+        _cylinder([sx * x, -y, sz * z * 0.6], u(0.18, 0.28), 0.09, ACCENT, _lie(0)) for sx in (-1, 1) for sz in (-1, 1)
+    ]
     return Shape("vehicle", parts, 0.03)
 
 
@@ -279,8 +323,10 @@ def tool(rng: np.random.Generator) -> Shape:
 
 def blob(rng: np.random.Generator) -> Shape:
     """Displaced ellipsoids."""
-    parts = [_ellipsoid(rng.uniform(-0.3, 0.3, 3), rng.uniform(0.35, 0.9, 3), BODY, random_rotation(rng))
-             for _ in range(rng.integers(1, 4))]
+    parts = [
+        _ellipsoid(rng.uniform(-0.3, 0.3, 3), rng.uniform(0.35, 0.9, 3), BODY, random_rotation(rng))
+        for _ in range(rng.integers(1, 4))
+    ]
     return Shape("blob", parts, 0.2, _waves(rng, 2, 8), rng.uniform(0, 0.08))
 
 
@@ -299,7 +345,14 @@ def simple(rng: np.random.Generator) -> Shape:
         return Shape("ring", [Primitive("torus", np.zeros(3), np.array([u(0.5, 0.75), u(0.12, 0.35)]), rotation)])
     if kind == 4:
         return Shape("block", [_cylinder([0, 0, 0], u(0.3, 0.9), u(0.1, 1), BODY, rotation)])
-    return Shape("vessel", [Primitive("lathe", np.zeros(3), np.array([u(0.4, 1)]), rotation, profile=np.linspace(u(0.5, 1), u(0.02, 0.5), 9))])
+    return Shape(
+        "vessel",
+        [
+            Primitive(
+                "lathe", np.zeros(3), np.array([u(0.4, 1)]), rotation, profile=np.linspace(u(0.5, 1), u(0.02, 0.5), 9)
+            )
+        ],
+    )
 
 
 def compound(rng: np.random.Generator) -> Shape:
@@ -323,8 +376,23 @@ def _waves(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
     return np.concatenate([direction, rng.uniform(0, 2 * math.pi, (2, 1))], 1)
 
 
-RECIPES = (quadruped, quadruped, figure, bird, vessel, vessel, furniture, plant, vehicle, headgear, tool, blob, simple, simple,
-           compound)
+RECIPES = (
+    quadruped,
+    quadruped,
+    figure,
+    bird,
+    vessel,
+    vessel,
+    furniture,
+    plant,
+    vehicle,
+    headgear,
+    tool,
+    blob,
+    simple,
+    simple,
+    compound,
+)
 
 
 def random_shape(rng: np.random.Generator) -> Shape:
@@ -384,8 +452,15 @@ def trace(shape: Shape, cameras: Cameras, size: int = 64) -> Buffers:
     position[index], normal[index] = p, facing
     part[index] = shape.distance(p)[1].to(torch.uint8)
     grid = (len(cameras), size, size)
-    return Buffers(hit.reshape(grid), position.reshape(*grid, 3), normal.reshape(*grid, 3), part.reshape(grid),
-                   cameras.eye, torch.stack(cameras.frame(), 1), shape.archetype)
+    return Buffers(
+        hit.reshape(grid),
+        position.reshape(*grid, 3),
+        normal.reshape(*grid, 3),
+        part.reshape(grid),
+        cameras.eye,
+        torch.stack(cameras.frame(), 1),
+        shape.archetype,
+    )
 
 
 def random_cameras(shape: Shape, views: int, rng: np.random.Generator) -> Cameras:

@@ -14,7 +14,7 @@ from paintit.render.texels import seen, texel_points
 from paintit.texture.maps import TextureMaps
 
 #: Seen texels that an unseen one is blended from.
-NEIGHBOURS = 8
+NEIGHBOURS = 16
 #: Side of the largest grid of texels whose visibility is asked with rays.
 VISIBILITY_SIZE = 256
 

@@ -107,13 +107,16 @@ def _painted(document: GltfDocument, mesh: Mesh, assembly: Assembly) -> list[Pai
 
 
 def _alike(mesh: Mesh, parts: list[Part], others: list[Part]) -> bool:
-    """Two instances of a glTF mesh have the same faces with the same UVs and layers."""
+    """Two instances of a glTF mesh have the same faces with the same UVs and layers, be one of them mirrored."""
+    def same_faces(a: Part, b: Part) -> bool:
+        pairs = ((corner_vertices(mesh, a), corner_vertices(mesh, b)),
+                 (mesh.corner_uvs[slice(*a.faces)], mesh.corner_uvs[slice(*b.faces)]))
+        return any(all(np.array_equal(x[:, order], y) for x, y in pairs) for order in ([0, 1, 2], [0, 2, 1]))
+
     key = lambda part: part.primitive or (0, 0)  # noqa: E731
     pairs = list(zip(sorted(parts, key=key), sorted(others, key=key), strict=False))
     return len(parts) == len(others) and all(
-        a.primitive == b.primitive and a.layer == b.layer
-        and np.array_equal(corner_vertices(mesh, a), corner_vertices(mesh, b))
-        and np.array_equal(mesh.corner_uvs[slice(*a.faces)], mesh.corner_uvs[slice(*b.faces)])
+        a.primitive == b.primitive and a.layer == b.layer and same_faces(a, b)
         for a, b in pairs)
 
 

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from paintit.color import encode_srgb
 from paintit.errors import OutputError
-from paintit.files import atomic, make_folder
+from paintit.files import atomic, make_folder, output_error
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
 
@@ -124,8 +124,8 @@ def write_files(files: dict[Path, bytes]) -> None:
     created: list[Path] = []
     try:
         for path, data in files.items():
-            fresh = not path.exists()
-            with atomic(path) as temporary:
+            with atomic(path) as temporary:  # first: a folder that may not be looked into fails here, in its words
+                fresh = not path.exists()
                 temporary.write_bytes(data)
             if fresh:
                 created.append(path)
@@ -154,13 +154,17 @@ def write_maps(folder: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     Raises:
         OutputError: the folder cannot be made or a file cannot be written; no file of this call is left then.
     """
-    files = map_files(Path(folder), mesh, maps)
-    fresh = not Path(folder).exists()
-    make_folder(Path(folder))
+    folder = Path(folder)
+    files = map_files(folder, mesh, maps)
+    try:
+        fresh = not folder.exists()
+    except OSError as error:
+        raise output_error(folder, error) from error
+    make_folder(folder)
     try:
         write_files(files)
     except BaseException:
         if fresh:
-            Path(folder).rmdir()
+            folder.rmdir()
         raise
     return list(files)

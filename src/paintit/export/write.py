@@ -10,6 +10,7 @@ from paintit.errors import OutputError, UsageError
 from paintit.export.gltf import write_gltf
 from paintit.export.image import write_files, write_maps
 from paintit.export.obj import write_obj
+from paintit.files import output_error
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
 
@@ -30,7 +31,10 @@ def kind_of(path: Path) -> str:
     Raises:
         UsageError: ``"output.unknown_extension"``, naming those there are.
     """
-    kind = "" if path.is_dir() else path.suffix.lower()
+    try:
+        kind = "" if path.is_dir() else path.suffix.lower()
+    except OSError as error:
+        raise output_error(path, error) from error
     if kind not in KINDS:
         known = ", ".join(name for name in KINDS if name)
         raise UsageError("output.unknown_extension", f"cannot write '{path.name}': the extension {kind} is not known",
@@ -46,7 +50,10 @@ def check_output(path: Path, overwrite: bool = False) -> None:
         OutputError: ``"output.exists"``.
     """
     path = Path(path)
-    taken = any(path.glob("base_color*.png")) if kind_of(path) == "" else path.exists()
+    try:
+        taken = any(path.glob("base_color*.png")) if kind_of(path) == "" else path.exists()
+    except OSError as error:
+        raise output_error(path, error) from error
     if taken and not overwrite:
         raise OutputError("output.exists", f"{path} already exists", "add --overwrite or choose another name with -o")
 

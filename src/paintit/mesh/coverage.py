@@ -168,7 +168,9 @@ def fill_gutters(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDAr
             continue
         h, w = mask.shape
         rows, columns = np.arange(-(h // 2), h + h // 2) % h, np.arange(-(w // 2), w + w // 2) % w
-        indices = np.asarray(distance_transform_edt(~mask[rows][:, columns], return_distances=False, return_indices=True))
+        indices = np.asarray(
+            distance_transform_edt(~mask[rows][:, columns], return_distances=False, return_indices=True)
+        )
         y, x = (indices[k][h // 2 : h // 2 + h, w // 2 : w // 2 + w] for k in range(2))
         filled[layer] = image[layer, rows[y], columns[x]]
     return filled

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paintit.errors import MeshError
+from paintit.mesh.gltf_deform import attribute, morphed, skinning, turned
 from paintit.mesh.gltf_document import GltfDocument, gltf_error
 from paintit.mesh.mesh import Floats, Ints, Layer, Part
 from paintit.mesh.parsed import Parsed
@@ -204,15 +205,15 @@ def _piece(
     if not isinstance(attributes, dict) or "POSITION" not in attributes:
         raise gltf_error("gltf_invalid", f"{owner} has no POSITION")
     _refuse_compressed(document, primitive, attributes["POSITION"], owner)
-    positions = _attribute(document, attributes, "POSITION", 3, None, owner).astype(np.float64)
-    normals = _attribute(document, attributes, "NORMAL", 3, len(positions), owner) if "NORMAL" in attributes else None
+    positions = attribute(document, attributes, "POSITION", 3, None, owner).astype(np.float64)
+    normals = attribute(document, attributes, "NORMAL", 3, len(positions), owner) if "NORMAL" in attributes else None
     material = primitive.get("material")
     uvs = _uvs(document, attributes, material, len(positions), owner, notes)
     node = document.item("nodes", node_index) if node_index is not None else {}
     weights = node.get("weights", document.item("meshes", where[0]).get("weights", []))
-    positions, normals = _morphed(document, primitive, weights, positions, normals, owner)
+    positions, normals = morphed(document, primitive, weights, positions, normals, owner)
     if node_index is not None and "skin" in node and "JOINTS_0" in attributes:
-        matrices = _skinning(document, world, node["skin"], attributes, len(positions), owner)
+        matrices = skinning(document, world, node["skin"], attributes, len(positions), owner)
     else:
         matrices = (world[node_index] if node_index is not None else np.eye(4))[None]
     faces = _faces(document, primitive, mode, len(positions), owner, notes)
@@ -226,7 +227,7 @@ def _piece(
     if not np.isfinite(positions).all():
         raise gltf_error("nan", f"POSITION of {owner} is not finite once placed")
     if normals is not None:
-        normals = _turned(normals, matrices)
+        normals = turned(normals, matrices)
     if np.median(np.linalg.det(matrices[:: max(1, len(matrices) // 1000), :3, :3])) < 0:
         faces = faces[:, [0, 2, 1]]  # a mirrored node turns triangles inside out; glTF says to flip the winding back
     name = node.get("name") or document.item("meshes", where[0]).get("name") or "mesh"
@@ -245,20 +246,6 @@ def _refuse_compressed(document: GltfDocument, primitive: dict[str, Any], positi
         raise gltf_error("gltf_invalid", f"POSITION of {owner} holds no data")
 
 
-def _attribute(
-    document: GltfDocument, attributes: dict[str, Any], name: str, width: int, count: int | None, owner: str
-) -> NDArray[Any]:
-    values = document.accessor(attributes[name])
-    if values.shape[1] != width:
-        raise gltf_error("gltf_invalid", f"{name} of {owner} has {values.shape[1]} components, not {width}")
-    if count is not None and len(values) != count:
-        raise gltf_error("gltf_invalid", f"{name} of {owner} has {len(values)} elements for {count} positions")
-    if name == "POSITION" and not np.isfinite(values).all():
-        row = int(np.flatnonzero(~np.isfinite(values).all(1))[0])
-        raise gltf_error("nan", f"vertex {row} of {owner} is not finite: {values[row].tolist()}")
-    return values
-
-
 def _uvs(
     document: GltfDocument, attributes: dict[str, Any], material: Any, count: int, owner: str, notes: list[str]
 ) -> Floats | None:
@@ -275,7 +262,7 @@ def _uvs(
         name = "TEXCOORD_0"
     if name not in attributes:
         return None
-    return _attribute(document, attributes, name, 2, count, owner).astype(np.float64)
+    return attribute(document, attributes, name, 2, count, owner).astype(np.float64)
 
 
 def _faces(
@@ -303,78 +290,3 @@ def _faces(
     # Strips join pieces by repeating vertices; those triangles were never meant to exist.
     real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     return faces[real]
-
-
-def _morphed(
-    document: GltfDocument,
-    primitive: dict[str, Any],
-    weights: Any,
-    positions: Floats,
-    normals: NDArray[Any] | None,
-    owner: str,
-) -> tuple[Floats, NDArray[Any] | None]:
-    """Default morph weights applied."""
-    for target, weight in zip(primitive.get("targets", []), weights or [], strict=False):
-        if weight and "POSITION" in target:
-            positions = positions + weight * _attribute(document, target, "POSITION", 3, len(positions), owner)
-        if weight and "NORMAL" in target and normals is not None:
-            normals = normals + np.float32(weight) * _attribute(document, target, "NORMAL", 3, len(positions), owner)
-    return positions, normals
-
-
-def _skinning(
-    document: GltfDocument,
-    world: dict[int, Floats],
-    skin_index: int,
-    attributes: dict[str, Any],
-    count: int,
-    owner: str,
-) -> Floats:
-    """(n, 4, 4) joint matrices blended at each vertex, joints at rest. The node's own transform has no say."""
-    skin = document.item("skins", skin_index)
-    joints = skin.get("joints", [])
-    for joint in joints:
-        document.item("nodes", joint)
-    if not joints:
-        raise gltf_error("gltf_invalid", f"skin {skin_index} has no joints")
-    inverse = np.tile(np.eye(4), (len(joints), 1, 1))
-    if "inverseBindMatrices" in skin:
-        flat = document.accessor(skin["inverseBindMatrices"]).astype(np.float64)
-        if flat.shape[1] != 16 or len(flat) < len(joints):
-            raise gltf_error(
-                "gltf_invalid", f"skin {skin_index} has {len(flat)} inverse bind matrices for {len(joints)} joints"
-            )
-        inverse = flat[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
-    matrices = np.stack([world[j] for j in joints]) @ inverse
-    blended, total, k = np.zeros((count, 4, 4)), np.zeros(count), 0
-    while f"JOINTS_{k}" in attributes:
-        index = _attribute(document, attributes, f"JOINTS_{k}", 4, count, owner).astype(np.int64)
-        weight = (
-            _attribute(document, attributes, f"WEIGHTS_{k}", 4, count, owner)
-            if f"WEIGHTS_{k}" in attributes
-            else np.zeros((count, 4))
-        )
-        if index.max() >= len(joints):
-            raise gltf_error("index", f"{owner} uses joint {index.max()} of {len(joints)}")
-        for c in range(4):
-            blended += weight[:, c, None, None] * matrices[index[:, c]]
-            total += weight[:, c]
-        k += 1
-    total = np.where(total > 0, total, 1.0)
-    return blended / total[:, None, None]
-
-
-def _turned(normals: NDArray[Any], matrices: Floats) -> NDArray[np.float32]:
-    """Normals by the inverse transpose; NaN where that gives no direction."""
-    linear = matrices[:, :3, :3]
-    a, b, c = linear[..., 0], linear[..., 1], linear[..., 2]
-    # The cofactor matrix is det times the inverse transpose and exists for singular matrices too.
-    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
-    sign = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
-    turned = (
-        np.einsum("nij,nj->ni", np.broadcast_to(cofactor, (len(normals), 3, 3)), normals.astype(np.float64))
-        * sign[:, None]
-    )
-    length = np.linalg.norm(turned, axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(length > 0, turned / length, np.nan).astype(np.float32)

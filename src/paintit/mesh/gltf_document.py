@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from paintit.errors import MeshError
+from paintit.mesh.gltf_schema import check_types, gltf_error, short
 
 _COMPONENTS = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _SHAPES = {
@@ -27,6 +27,8 @@ _SHAPES = {
     "MAT4": (4, 4),
 }
 """Columns and rows of each accessor type; matrices are stored column by column."""
+_MAX_ZEROS = 1 << 26
+"""Elements that an accessor without data may have; a bound on what a tiny file can make us allocate."""
 _KNOWN_REQUIRED = (
     "KHR_mesh_quantization",
     "KHR_materials_",
@@ -41,13 +43,6 @@ _KNOWN_REQUIRED = (
     "MSFT_texture_dds",
 )
 """Required extensions, or their beginnings, that do not change how geometry is stored."""
-
-
-def gltf_error(
-    code: str, message: str, hint: str = "check the file with a glTF validator, or export it again"
-) -> MeshError:
-    """A ``MeshError`` with the hint that suits most damage to a glTF file."""
-    return MeshError(f"mesh.{code}", message, hint)
 
 
 @dataclass(frozen=True)
@@ -121,6 +116,8 @@ class GltfDocument:
             values = self._elements(
                 accessor["bufferView"], _whole(accessor, "byteOffset", 0), count, shape, kind, index
             )
+        elif count > _MAX_ZEROS:
+            raise gltf_error("gltf_invalid", f"accessor {index} asks for {count} elements out of nothing")
         else:
             values = np.zeros((count, shape[0] * shape[1]), kind)
         if isinstance(sparse := accessor.get("sparse"), dict):
@@ -175,7 +172,7 @@ class GltfDocument:
 def _whole(owner: dict[str, Any], key: str, default: int | None) -> int:
     value = owner.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise gltf_error("gltf_invalid", f"'{key}' is {value!r}, not a whole number")
+        raise gltf_error("gltf_invalid", f"'{key}' is {short(value)}, not a whole number")
     return value
 
 
@@ -196,7 +193,7 @@ def resolve(uri: Any, base: Path, owner: str) -> bytes:
                 else unquote(body).encode("latin-1")
             )
         except (binascii.Error, ValueError):
-            raise gltf_error("gltf_uri", f"{owner} has a broken data URI ({uri[:24]}...)") from None
+            raise gltf_error("gltf_uri", f"{owner} has a broken data URI ({short(uri)})") from None
     name = unquote(uri)
     if "://" in name or "\x00" in name:
         raise gltf_error("gltf_uri", f"{owner} is not a local file: {name[:80]!r}", "store the file beside the .gltf")
@@ -244,6 +241,7 @@ def read_document(path: Path, data: bytes) -> GltfDocument:
     version = str(document["asset"].get("version", ""))
     if version.split(".")[0] != "2":
         raise gltf_error("gltf_version", f"glTF version {version!r} is not supported", "export the mesh as glTF 2.0")
+    check_types(document, "")
     for name in document.get("extensionsRequired", []):
         if not isinstance(name, str) or not name.startswith(_KNOWN_REQUIRED):
             raise gltf_error(

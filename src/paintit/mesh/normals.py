@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from paintit.mesh.mesh import Floats, Ints
 from paintit.mesh.weld import components, edge_pairs, row_ids
 
-CREASE_DEGREES = 40.0
+CREASE_DEGREES = 50.0
 """Edges that bend more than this stay sharp: hard-surface parts keep their edges, organic scans look smooth."""
 
 

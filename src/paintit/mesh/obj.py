@@ -119,7 +119,7 @@ def read_obj(data: bytes) -> Parsed:
     corner = corners[triangle_corner]
     given = np.full((len(corner), 3, 3), np.nan, np.float32)
     has_normal = corner[..., 2] >= 0
-    given[has_normal] = normals[corner[..., 2][has_normal]]
+    given[has_normal] = np.nan_to_num(normals, nan=0.0, posinf=0.0, neginf=0.0)[corner[..., 2][has_normal]]
     document = ObjDocument(
         tuple(lines),
         np.array(tables.polygon_line, np.int64),

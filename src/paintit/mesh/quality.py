@@ -12,7 +12,7 @@ from paintit.mesh.mesh import Floats, Ints, Mesh
 from paintit.mesh.normals import face_normals
 from paintit.mesh.weld import components, edge_pairs, row_ids
 
-MAX_DISTANT_OVERLAP = 0.05
+MAX_DISTANT_OVERLAP = 0.10
 """Share of covered texels that two distant, unmirrored places may share before the UVs are given up."""
 MAX_FLAT_AREA = 0.05
 """Share of the surface that may have no area in the texture."""
@@ -201,7 +201,8 @@ def _overlap(mesh: Mesh, faces: Ints, uv: Floats, resolution: int) -> tuple[floa
     place = np.zeros((resolution * resolution, 3))
     corners = mesh.vertices[mesh.faces[faces]]
     corners = (corners - corners.reshape(-1, 3).mean(0)) / max(mesh.extent, 1e-300)
-    hits, texels, one, other = 0, [], [], []
+    hits, texels, one, other, flipped = 0, [], [], [], []
+    handed = np.sign(_signed_areas(uv))
     for part in fragments(uv, resolution):
         point = (corners[part.face] * part.barycentric[..., None]).sum(1)
         texel, first = np.unique(part.texel, return_index=True)
@@ -212,12 +213,16 @@ def _overlap(mesh: Mesh, faces: Ints, uv: Floats, resolution: int) -> tuple[floa
         texels.append(part.texel[again])
         one.append(place[part.texel[again]])
         other.append(point[again])
+        flipped.append(handed[part.face[again]] != handed[owner[part.texel[again]]])
     covered = int((owner >= 0).sum())
     if not covered:
         return 0.0, 0.0, 0.0, 1.0
     texel, p, q = (np.concatenate(x) for x in (texels, one, other))
     far = np.linalg.norm(p - q, axis=1) > NEAR
-    reflected = _mirror_images(p[far], q[far])
+    # A mirrored half shows the texture the other way round; a moved copy of the same part does not.
+    reflected = np.zeros(int(far.sum()), bool)
+    turned = np.concatenate(flipped)[far]
+    reflected[turned] = _mirror_images(p[far][turned], q[far][turned])
     distant = np.zeros(resolution * resolution, bool)
     distant[texel[far][~reflected]] = True
     mirrored = np.zeros_like(distant)

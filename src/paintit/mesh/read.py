@@ -15,8 +15,9 @@ from paintit.mesh import quality
 from paintit.mesh.gltf import read_gltf
 from paintit.mesh.gltf_document import read_document
 from paintit.mesh.mesh import Mesh, Report, Source
-from paintit.mesh.normals import face_normals, flat_normals, smooth_normals
+from paintit.mesh.normals import CREASE_DEGREES, face_normals, flat_normals, smooth_normals
 from paintit.mesh.obj import read_obj
+from paintit.mesh.off import read_off
 from paintit.mesh.parsed import Parsed
 from paintit.mesh.soup import read_soup
 from paintit.mesh.tangents import mikktspace
@@ -92,7 +93,7 @@ def _parse(path: Path, kind: str, data: bytes) -> Parsed:
         return read_obj(data)
     if kind in ("glb", "gltf"):
         return read_gltf(read_document(path, data))
-    return read_soup(data, kind)
+    return read_off(data) if kind == "off" else read_soup(data, kind)
 
 
 def _complete(parsed: Parsed, path: Path, kind: str, data: bytes) -> Mesh:
@@ -144,7 +145,11 @@ def _normals(parsed: Parsed, notes: list[str]) -> NDArray[np.float32]:
     if bad.any():
         made = (smooth_normals if parsed.smooth else flat_normals)(parsed.vertices, parsed.faces)
         unit[bad] = made[bad]
-        how = "smooth, with edges over 40 degrees kept sharp" if parsed.smooth else "flat, as glTF asks"
+        how = (
+            f"smooth, with edges over {CREASE_DEGREES:.0f} degrees kept sharp"
+            if parsed.smooth
+            else "flat, as glTF asks"
+        )
         if bad.all():
             notes.append(f"computed normals ({how})")
         else:

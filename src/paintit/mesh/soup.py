@@ -1,4 +1,4 @@
-"""PLY, STL and OFF, by trimesh, with the checks that it leaves out."""
+"""PLY and STL, by trimesh, with the checks that it leaves out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_soup(data: bytes, kind: str) -> Parsed:
-    """Parse a file of ``kind`` ``"ply"``, ``"stl"`` or ``"off"``.
+    """Parse a file of ``kind`` ``"ply"`` or ``"stl"``.
 
     Raises:
         MeshError: the bytes are not such a file, or it holds no faces, or an index is out of range.
@@ -77,8 +77,11 @@ def _parsed(loaded: trimesh.Trimesh, kind: str) -> Parsed:
     )
 
 
+_ARTICLE = {"ply": "a", "stl": "an"}
+
+
 def _hint(kind: str) -> str:
-    return f"check that it is a {kind.upper()} file, or export it again"
+    return f"check that it is {_ARTICLE[kind]} {kind.upper()} file, or export it again"
 
 
 def _sniff(data: bytes, kind: str) -> None:
@@ -86,8 +89,6 @@ def _sniff(data: bytes, kind: str) -> None:
     head = data[:512].lstrip()
     if kind == "ply":
         good = head.startswith(b"ply")
-    elif kind == "off":
-        good = head[:4].upper().find(b"OFF") >= 0 or head[:1] == b"#"
     else:
         count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
         binary = len(data) >= 84 and len(data) >= 84 + 50 * count and (count > 0 or len(data) == 84)
@@ -104,4 +105,8 @@ def _sniff(data: bytes, kind: str) -> None:
                 _hint(kind),
             )
     if not good:
-        raise MeshError("mesh.garbage", f"this is not a {kind.upper()} file (it begins with {data[:8]!r})", _hint(kind))
+        raise MeshError(
+            "mesh.garbage",
+            f"this is not {_ARTICLE[kind]} {kind.upper()} file (it begins with {data[:8]!r})",
+            _hint(kind),
+        )

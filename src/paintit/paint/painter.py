@@ -86,7 +86,7 @@ class Painter:
         self.device, self.device_reason = choose_device(config.device)
         self.streams = Streams(config.seed)
         self.prior = prior or load_prior(
-            config.guidance.prior, device=self.device, dtype=config.dtype, revision=config.guidance.revision
+            config.guidance.prior, device=str(self.device), dtype=config.dtype, revision=config.guidance.revision
         )
         environment = light or prefilter(load_environment(config.light.path, config.light.exposure), self.device)
         self.light = environment.to(self.device)
@@ -161,7 +161,8 @@ class Painter:
 
     def _embed(self, views: Views) -> tuple[Tensor, Tensor]:
         cameras = views.cameras
-        texts = self.prompts.for_views(cameras.azimuth, cameras.elevation, views.focus)
+        front = math.radians(self.config.views.front)
+        texts = self.prompts.for_views(cameras.azimuth - front, cameras.elevation, views.focus)
         return (
             torch.cat([self._text[text] for text in texts]),
             torch.cat([self._text[self.prompts.negative]] * len(texts)),

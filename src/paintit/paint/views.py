@@ -68,7 +68,7 @@ class ViewSampler:
             batches.append(
                 random_views(
                     rest - close, generator, elevation_deg=config.elevation, azimuth_deg=config.azimuth,
-                    radius=config.radius, fov_deg=config.fov, front_first=config.front_first,
+                    radius=config.radius, fov_deg=config.fov, first_deg=config.front if config.front_first else None,
                 )
             )  # fmt: skip
         batches += [self._close_up(generator) for _ in range(close)]

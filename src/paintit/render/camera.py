@@ -82,14 +82,14 @@ def random_views(
     radius: float = 3.25,
     fov_deg: float = 45.0,
     target: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    front_first: bool = False,
+    first_deg: float | None = None,
 ) -> Cameras:
     """Random cameras, elevation and azimuth uniform in angle (supp. A.2).
 
-    ``front_first`` makes view 0 the exact front, as the official script does.
+    ``first_deg`` puts view 0 at this azimuth, level: the official script's first view is always the exact front.
     """
     elevation = uniform(math.radians(elevation_deg[0]), math.radians(elevation_deg[1]), count, generator)
     azimuth = uniform(math.radians(azimuth_deg[0]), math.radians(azimuth_deg[1]), count, generator)
-    if front_first:
-        elevation[0] = azimuth[0] = 0.0
+    if first_deg is not None:
+        elevation[0], azimuth[0] = 0.0, math.radians(first_deg)
     return look_at(azimuth, elevation, radius, math.radians(fov_deg), target)

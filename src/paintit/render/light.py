@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,7 +41,7 @@ __all__ = [
 ]
 
 #: Raised whenever the prefiltered values change, so that old cache files are left alone.
-CACHE_VERSION = 1
+CACHE_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def prefilter(environment: Environment, device: str | torch.device = "cpu") -> L
     path = cache_folder() / "lights" / f"{environment.sha256[:32]}-v{CACHE_VERSION}.safetensors"
     maps = _read_cache(path, environment.sha256)
     if maps is None:
-        with torch.no_grad():
+        with torch.no_grad(), _one_thread():
             radiance = convolution.shrink(environment.radiance, 1024)
             maps = convolution.diffuse_map(radiance), convolution.specular_maps(radiance)
         _write_cache(path, environment.sha256, *maps)
@@ -133,6 +135,17 @@ def prefilter(environment: Environment, device: str | torch.device = "cpu") -> L
         exposure_factor=factor,
     )
     return light.to(device)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Many small steps: threads would wait for one another, badly so on a busy machine, and could round differently."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def cache_folder() -> Path:

@@ -138,15 +138,21 @@ def check_writable(folder: Path) -> None:
                 path.rmdir()
 
 
-def check_free(folder: RunFolder, overwrite: bool) -> None:
-    """Refuse to write over an earlier result unless told to.
+def check_free(folder: RunFolder, mesh: Path, overwrite: bool) -> None:
+    """Refuse to write over the input, over what no run of ours made, or over an earlier result unless told to.
 
     Raises:
         OutputError: something is there; it is named.
     """
+    if folder.asset.exists() and mesh.exists() and folder.asset.samefile(mesh):
+        raise OutputError("output.is_input", f"{folder.asset} is the mesh itself", "choose another name with -o")
     existing = folder.existing()
     if existing and not overwrite:
         raise OutputError("output.exists", f"{existing[0]} exists already", "add --overwrite or choose another -o")
+    foreign = [path for path in existing if path != folder.asset and not folder.record.exists()]
+    if foreign:
+        message = f"{foreign[0]} is there and no run of paintit made it"
+        raise OutputError("output.not_a_run", message, "choose another -o")
 
 
 def find(path: Path) -> Path:

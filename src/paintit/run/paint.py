@@ -97,9 +97,9 @@ def prepare(request: Request, prior: Prior | None = None) -> Job:
     prompt = api.check_prompt(request.prompt)
     path = require_mesh(request)
     folder = resolve(request.output, path)
-    check_free(folder, request.overwrite)
-    for place in {folder.folder, folder.asset.parent}:
-        check_writable(place)
+    check_free(folder, path, request.overwrite)
+    check_writable(folder.asset.parent)
+    check_writable(folder.folder)
     mesh = api.load_mesh(path, request.config.unwrap)
     return Job(request, folder, mesh, prompt, _painter(mesh, prompt, request, prior))
 

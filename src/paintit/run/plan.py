@@ -37,9 +37,9 @@ def plan(request: Request) -> dict[str, Any]:
     prompt = api.check_prompt(request.prompt)
     path = require_mesh(request)
     folder = resolve(request.output, path)
-    check_free(folder, request.overwrite)
-    for place in {folder.folder, folder.asset.parent}:
-        check_writable(place)
+    check_free(folder, path, request.overwrite)
+    check_writable(folder.asset.parent)
+    check_writable(folder.folder)
     mesh = api.load_mesh(path, request.config.unwrap)
     return _plan(request, folder, mesh, prompt)
 

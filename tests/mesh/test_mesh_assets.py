@@ -40,7 +40,7 @@ def read(assets: Path) -> dict[str, tuple[Mesh, MeshSummary]]:
 
 @pytest.mark.parametrize("name", TABLE)
 def test_counts_and_decision(read: dict[str, tuple[Mesh, MeshSummary]], name: str) -> None:
-    mesh, summary = read[name]
+    summary = read[name][1]
     positions, faces, layers, decision, bounds, boundary = TABLE[name]
     assert (summary.positions, summary.faces, len(summary.layers)) == (positions, faces, layers)
     assert summary.uv_origin == decision

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.mesh.glb_builder import QUAD, QUAD_INDICES, QUAD_UV, Builder, quad
 
 from paintit.errors import MeshError
 from paintit.mesh.gltf_document import GltfDocument, read_document
 from paintit.mesh.read import read_mesh
-from tests.mesh.glb import QUAD, QUAD_INDICES, QUAD_UV, Builder, quad
 
 
 def normal_of_faces(mesh: Any) -> np.ndarray:
@@ -179,7 +179,7 @@ def test_image_bytes(tmp_path: Path) -> None:
     assert [document.image(i) for i in range(3)] == [b"in the buffer", b"file", b"inline"]
 
 
-def broken(change: str) -> Builder:  # noqa: PLR0912
+def broken(change: str) -> Builder:
     """A square damaged in one way."""
     b = quad()
     j = b.json
@@ -270,7 +270,10 @@ def test_damage(tmp_path: Path, change: str, message: str) -> None:
         ("file:///etc/hostname", "buffer 0 is not a local file: 'file:///etc/hostname'"),
         ("gone.bin", "buffer 0 cannot be read: 'gone.bin' (no such file or directory)"),
         ("short.bin", "buffer 0 holds 3 of its 140 bytes"),
-        ("data:application/octet-stream;base64,@@@", "buffer 0 has a broken data URI (data:application/octet-st...)"),
+        (
+            "data:application/octet-stream;base64,@@@",
+            "buffer 0 has a broken data URI ('data:application/octet-stream;base64...)",
+        ),
     ],
 )
 def test_buffer_uris(tmp_path: Path, uri: str, message: str) -> None:

@@ -1,0 +1,132 @@
+"""Look at the prior by itself: DDIM samples on shapes it never saw, as a grid of pictures and a table of means.
+
+``python sample.py --out grid.png "polished gold" "red plastic"``; without prompts, the showcase and plain materials.
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import torch
+from captions import HELD_OUT
+from PIL import Image, ImageDraw
+from shapes import FOV, look_at, random_shape, trace
+from torch import Tensor
+
+from paintit.color import decode_srgb
+from paintit.guidance.pocket import PocketPrior
+
+PLAIN = (
+    "red plastic",
+    "blue plastic",
+    "green plastic",
+    "polished gold",
+    "white porcelain",
+    "black rubber",
+    "brushed steel",
+    "polished copper",
+    "rusty iron",
+    "gold coloured plastic",
+    "oak wood",
+    "brown leather",
+    "a zebra",
+    "a leopard",
+    "red brick",
+    "white marble",
+    "a tomato",
+    "a lemon",
+    "crimson velvet",
+    "a bronze statue of a cow",
+    "a green frog",
+    "an emerald ceramic vase",
+    "moss",
+    "a yellow rubber duck",
+)
+
+
+def geometry(
+    count: int, seed: int = 99, archetypes: tuple[str, ...] = ("quadruped", "vessel", "ball", "bird")
+) -> dict[str, Tensor]:
+    """View normals and masks (count, 64, 64, c) of new shapes seen from slightly above."""
+    rng = np.random.default_rng(seed)
+    normals, masks = [], []
+    while len(masks) < count:
+        shape = random_shape(rng)
+        if shape.archetype != archetypes[len(masks) % len(archetypes)]:
+            continue
+        angle = torch.tensor([rng.uniform(-0.9, 0.9)], dtype=torch.float32)
+        b = trace(shape, look_at(angle, torch.tensor([0.3]), 2.6, FOV))
+        normals.append(torch.einsum("vij,vhwj->vhwi", b.frame, b.normal) * b.mask[..., None])
+        masks.append(b.mask[..., None].float())
+    return {"normal": torch.cat(normals), "mask": torch.cat(masks)}
+
+
+@torch.no_grad()
+def ddim(prior: PocketPrior, prompts: list[str], shown: Tensor, scale: float, steps: int, seed: int) -> Tensor:
+    """(n, 8, s, s) samples in [-1, 1], one prompt and one geometry each, deterministic steps."""
+    generator = torch.Generator().manual_seed(seed)
+    text, none = prior.encode_text(prompts), prior.encode_text([""]).expand(len(prompts), -1, -1)
+    x = torch.randn(len(prompts), 8, shown.shape[-1], shown.shape[-1], generator=generator)
+    times = torch.linspace(0.995, 0.0, steps + 1).tolist()
+    for now, after in pairwise(times):
+        both = prior.predict_noise(torch.cat([x, x]), now, torch.cat([none, text]), torch.cat([shown, shown]))
+        without, with_text = both.chunk(2)
+        noise = without + scale * (with_text - without)
+        alpha, sigma = np.cos(now * np.pi / 2), np.sin(now * np.pi / 2)
+        clean = ((x - sigma * noise) / alpha).clamp(-1, 1)
+        noise = (x - alpha * clean) / sigma
+        x = np.cos(after * np.pi / 2) * clean + np.sin(after * np.pi / 2) * noise
+    return x
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("prompts", nargs="*")
+    parser.add_argument("--weights", type=Path)
+    parser.add_argument("--scale", type=float, default=3.0)
+    parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--shapes", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("grid.png"))
+    a = parser.parse_args()
+    torch.set_num_threads(1)
+    prior = PocketPrior(a.weights, dtype=torch.bfloat16)
+    prompts = a.prompts or [*PLAIN, *sorted(HELD_OUT)]
+    shown = prior.encode_geometry(geometry(a.shapes))
+    cell, columns = 64, 12
+    rows = -(-len(prompts) // columns)
+    high = a.shapes * 4 * cell + 58
+    sheet = Image.new("RGB", (columns * cell, rows * high), "white")
+    pen = ImageDraw.Draw(sheet)
+    print(f"{'prompt':44s} base colour (linear)   rough  metal")
+    for first in range(0, len(prompts), columns):
+        some = prompts[first : first + columns]
+        each = [p for p in some for _ in range(a.shapes)]
+        x = ddim(prior, each, shown.repeat(len(some), 1, 1, 1), a.scale, a.steps, a.seed) * 0.5 + 0.5
+        mask = (shown[:, 3:] > 0.9).float().repeat(len(some), 1, 1, 1)
+        mean = (x * mask).sum((2, 3)) / mask.sum((2, 3))
+        for i, prompt in enumerate(some):
+            m = mean[i * a.shapes : (i + 1) * a.shapes].mean(0)
+            red, green, blue = decode_srgb(m[3:6]).tolist()
+            print(f"{prompt[:44]:44s} ({red:.2f} {green:.2f} {blue:.2f})     {m[6]:.2f}   {m[7]:.2f}")
+            left, top = i * cell, (first // columns) * high
+            for j in range(a.shapes):
+                one = x[i * a.shapes + j]
+                for k, part in enumerate((one[:3], one[3:6], one[6:7].expand(3, -1, -1), one[7:8].expand(3, -1, -1))):
+                    pixels = (part.permute(1, 2, 0).numpy() * 255).round().astype(np.uint8)
+                    sheet.paste(
+                        Image.fromarray(pixels).resize((cell, cell), Image.Resampling.NEAREST),
+                        (left, top + (j * 4 + k) * cell),
+                    )
+            for line in range(5):
+                pen.text(
+                    (left + 1, top + a.shapes * 4 * cell + line * 11), prompt[line * 11 : line * 11 + 11], fill="black"
+                )
+    sheet.save(a.out)
+
+
+if __name__ == "__main__":
+    main()
