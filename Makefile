@@ -40,7 +40,7 @@ test-slow: $(VENV)/.dev tests/node_modules
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
 bench: $(BIN)/paintit

@@ -1,6 +1,6 @@
 """Paint a mesh by a sentence and write a GLB.
 
-    python examples/01_paint.py
+python examples/01_paint.py
 """
 
 import paintit

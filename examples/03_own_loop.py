@@ -1,6 +1,6 @@
 """Own the loop: the painter is an iterator of records, and its maps can be had at any step.
 
-    python examples/03_own_loop.py
+python examples/03_own_loop.py
 """
 
 import dataclasses

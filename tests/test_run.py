@@ -212,7 +212,8 @@ def test_resume_refuses_another_mesh_prompt_or_setting(mesh: Path) -> None:
     with pytest.raises(RunError, match=r"not the one of this run: cube\.obj had sha256 \w{12}"):
         prepare(base, ExactPrior())
     mesh.unlink()
-    with pytest.raises(RunError, match=r"the mesh cube\.obj of this run is not where it was; write: paintit paint MESH"):
+    changed = r"the mesh cube\.obj of this run is not where it was; write: paintit paint MESH"
+    with pytest.raises(RunError, match=changed):
         prepare(base, ExactPrior())
     assert not folder.joinpath("run.lock").exists()
 

@@ -21,7 +21,9 @@ LIGHT = Path(__file__).parents[2] / "assets" / "envmaps" / "st_fagans_interior_5
 def inventory() -> dict[str, dict[str, str]]:
     """Per material used by a mesh: which image feeds which input of its Principled BSDF, with the image's colour space."""
     found: dict[str, dict[str, str]] = {}
-    materials = {slot.material for o in bpy.data.objects if o.type == "MESH" for slot in o.material_slots if slot.material}
+    materials = {
+        slot.material for o in bpy.data.objects if o.type == "MESH" for slot in o.material_slots if slot.material
+    }
     for material in sorted(materials, key=lambda m: m.name):
         inputs = {}
         shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
@@ -44,7 +46,12 @@ def _image_behind(socket: bpy.types.NodeSocket, depth: int = 6) -> bpy.types.Ima
 
 def render(out: Path, light: Path, size: int, samples: int, azimuth: float, elevation: float, exposure: float) -> None:
     scene = bpy.context.scene
-    corners = [o.matrix_world @ Vector(c) for o in bpy.data.objects if o.type == "MESH" and not o.hide_render for c in o.bound_box]
+    corners = [
+        o.matrix_world @ Vector(c)
+        for o in bpy.data.objects
+        if o.type == "MESH" and not o.hide_render
+        for c in o.bound_box
+    ]
     low = Vector(min(c[i] for c in corners) for i in range(3))
     high = Vector(max(c[i] for c in corners) for i in range(3))
     center, half = (low + high) / 2, max(high - low) / 2
@@ -64,8 +71,16 @@ def render(out: Path, light: Path, size: int, samples: int, azimuth: float, elev
     world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     nodes.clear()
-    image, back, path = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeLightPath")
-    grey, mix, output = nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeOutputWorld")
+    image, back, path = (
+        nodes.new("ShaderNodeTexEnvironment"),
+        nodes.new("ShaderNodeBackground"),
+        nodes.new("ShaderNodeLightPath"),
+    )
+    grey, mix, output = (
+        nodes.new("ShaderNodeBackground"),
+        nodes.new("ShaderNodeMixShader"),
+        nodes.new("ShaderNodeOutputWorld"),
+    )
     image.image = bpy.data.images.load(str(light.resolve()))
     back.inputs["Strength"].default_value = exposure
     grey.inputs["Color"].default_value = (0.62, 0.62, 0.62, 1)
@@ -102,7 +117,9 @@ def main() -> None:
     for shape in [o for o in bpy.data.objects if o.name.startswith("Icosphere") and not o.users_scene]:
         bpy.data.objects.remove(shape)
     print(json.dumps(inventory()))
-    render(options.png, options.light, options.size, options.samples, options.azimuth, options.elevation, options.exposure)
+    render(
+        options.png, options.light, options.size, options.samples, options.azimuth, options.elevation, options.exposure
+    )
 
 
 if __name__ == "__main__":

@@ -22,10 +22,13 @@ def choose_device(name: str) -> tuple[torch.device, str]:
     try:
         device = torch.device(name)
     except RuntimeError:
-        raise UsageError("device.unknown", f"there is no device '{name}'", "use auto, cpu, cuda, cuda:N or mps") from None
+        raise UsageError(
+            "device.unknown", f"there is no device '{name}'", "use auto, cpu, cuda, cuda:N or mps"
+        ) from None
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
         raise UsageError(
-            "device.absent", f"device '{name}' was asked for, but {torch.cuda.device_count()} CUDA devices are here",
+            "device.absent",
+            f"device '{name}' was asked for, but {torch.cuda.device_count()} CUDA devices are here",
             "use --device auto",
         )
     if device.type == "mps" and not torch.backends.mps.is_available():

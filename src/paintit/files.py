@@ -40,7 +40,9 @@ def make_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise OutputError("output.not_a_folder", f"cannot write into {path}: it is a file", "choose another place with -o") from None
+        raise OutputError(
+            "output.not_a_folder", f"cannot write into {path}: it is a file", "choose another place with -o"
+        ) from None
     except OSError as error:
         raise output_error(path, error) from error
     return path

@@ -113,8 +113,9 @@ def _toml_value(value: Any) -> str:
 
 def _merge(base: Any, data: Any, prefix: str) -> Any:
     if not isinstance(data, Mapping):
-        raise UsageError("config.wrong_type", f"'{prefix[:-1]}' is {data!r}, not a table of settings",
-                         f"write it as [{prefix[:-1]}]")
+        raise UsageError(
+            "config.wrong_type", f"'{prefix[:-1]}' is {data!r}, not a table of settings", f"write it as [{prefix[:-1]}]"
+        )
     hints = get_type_hints(type(base))
     changes: dict[str, Any] = {}
     for key, value in data.items():
@@ -137,8 +138,11 @@ def _typed(value: Any, hint: Any, name: str) -> Any:
         if value in inner:
             return value
         near = nearest(str(value), inner)
-        raise UsageError("config.choice", f"'{name}' is {value!r}",
-                         f"did you mean {near!r}?" if near else f"choose one of {', '.join(map(str, inner))}")
+        raise UsageError(
+            "config.choice",
+            f"'{name}' is {value!r}",
+            f"did you mean {near!r}?" if near else f"choose one of {', '.join(map(str, inner))}",
+        )
     if origin in (Union, UnionType):
         if value is None or value == RANDOM:
             return None

@@ -149,7 +149,7 @@ def test_words_and_hashes() -> None:
 
 def test_word_order_and_unknown_words_matter(prior: PocketPrior) -> None:
     text = prior.encode_text(["red cow blue", "blue cow red", "", "qxzzt", "wvvkj"])
-    assert (text[0] - text[1]).abs().max() > 1e-3
+    assert (text[0, 0] - text[1, 0]).abs().max() > 1e-2, "in the summary too"
     assert (text[3] - text[4]).abs().max() > 1e-3
     assert text[2, 1:].abs().max() == 0
 

@@ -65,7 +65,9 @@ def test_close_ups_meet_their_share_and_look_at_the_surface(spot):
     distance = torch.cat([(v.cameras.eye - v.cameras.target).norm(dim=-1) for v in views])
     share = float((distance < 3.0).float().mean())
     assert abs(share - 0.3) < 0.03
-    targets = torch.cat([v.cameras.target for v in views])[distance < 3.0].double().numpy() * spot.extent / 2 + spot.center
+    targets = (
+        torch.cat([v.cameras.target for v in views])[distance < 3.0].double().numpy() * spot.extent / 2 + spot.center
+    )
     low, high = spot.bounds
     assert (targets >= low - 1e-5).all()
     assert (targets <= high + 1e-5).all()

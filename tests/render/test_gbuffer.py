@@ -99,7 +99,7 @@ def test_degenerate_faces_have_finite_footprints() -> None:
 
 
 def test_layers_and_far_repeats(plane) -> None:
-    mesh = replace(plane, face_layer=np.array([0, 1]), uvs=plane.uvs + [7000.0, -3000.0])
+    mesh = replace(plane, face_layer=np.array([0, 1]), uvs=plane.uvs + np.array([7000.0, -3000.0]))
     gbuffer = rasterize(Geometry.from_mesh(mesh), orbit(1, elevation_deg=0.0), 32)
     plain = rasterize(Geometry.from_mesh(plane), orbit(1, elevation_deg=0.0), 32)
     assert sorted(gbuffer.layer[gbuffer.mask].unique().tolist()) == [0, 1]

@@ -1,4 +1,4 @@
-"""Spheres under a real environment against Mitsuba's direct light. The bounds are explained in docs/design/split-sum.md."""
+"""Spheres under real environments against Mitsuba's direct light; bounds explained in docs/design/split-sum.md."""
 
 from __future__ import annotations
 

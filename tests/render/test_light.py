@@ -76,7 +76,7 @@ def pattern() -> tuple[Tensor, Light]:
 def test_specular_levels_against_brute_force(pattern: tuple[Tensor, Light], level: int) -> None:
     """Both ways of prefiltering against the defining sum over every texel."""
     radiance, light = pattern
-    toward, solid_angle = (tensor.reshape(-1, *tensor.shape[2:]) for tensor in texel_directions(128, 256, torch.float64))
+    toward, solid_angle = (t.reshape(-1, *t.shape[2:]) for t in texel_directions(128, 256, torch.float64))
     roughness = level / (convolution.LEVELS - 1)
     d = directions(40, seed=level, dtype=torch.float64)
     cosine = d @ toward.T

@@ -147,8 +147,13 @@ def test_reflection_by_slices_is_reflection() -> None:
 
 @pytest.mark.parametrize(
     ("channels", "widths", "skips", "value"),
-    [(3, (), (), "()"), (3, (8, 0), (4, 4), "(8, 0)"), (3, (8, 8), (4,), "(4,)"), (3, (8,), (-1,), "(-1,)"),
-     (0, (8,), (4,), "0 channels")],
+    [
+        (3, (), (), "()"),
+        (3, (8, 0), (4, 4), "(8, 0)"),
+        (3, (8, 8), (4,), "(4,)"),
+        (3, (8,), (-1,), "(-1,)"),
+        (0, (8,), (4,), "0 channels"),
+    ],
 )
 def test_widths_that_describe_no_network(channels: int, widths: tuple, skips: tuple, value: str) -> None:
     with pytest.raises(UsageError) as caught:

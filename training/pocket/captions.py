@@ -384,6 +384,16 @@ FIGURE_FORMS = (
 )  # fmt: skip
 
 
+#: Colours that coats come in.
+COAT_COLORS = tuple((name, COLORS[name]) for name in ("brown", "black", "grey", "red", "tan", "white", "cream", "orange", "dark brown"))
+
+
+def _natural(color: str, animal: str, value: Color) -> Color:
+    """A red fox is not red: the coat of an animal known by that name, else ``value``."""
+    coat = ANIMALS.get(f"{color} {animal}")
+    return hex_color(coat.colors[0]) if coat else value
+
+
 def _figure_phrase(rng: Rng) -> tuple[str, Material]:
     name = pick(rng, FIGURE_FORMS)
     kind = METALS.get(name) or NATURAL.get(name) or TINTED[name]
@@ -454,6 +464,7 @@ def _animal_caption(rng: Rng) -> tuple[str, Material]:
             text = pick(rng, (f"{name} with {word} fur", f"{word} furred {name}", f"{name}, {word} fur"))
     elif draw < 0.55:
         color, value = color_word(rng)
+        value = _natural(color, name, value)
         material = coat_material(replace(coat, belly="", limbs=""), rng, value)
         word = pick(rng, list(FUR_WORDS)) + " " if rng.random() < 0.5 and coat.surface == "fur" else ""
         if word:
@@ -469,6 +480,11 @@ def _animal_caption(rng: Rng) -> tuple[str, Material]:
         )
     elif draw < 0.75:
         (one, a), (two, b) = color_word(rng), color_word(rng)
+        if rng.random() < 0.4:
+            one, a = pick(rng, COAT_COLORS)
+        if rng.random() < 0.4:
+            two, b = "white", COLORS["white"]
+        a = _natural(one, name, a)
         material = coat_material(Coat(("#808080",), surface=coat.surface), rng, a)
         other = replace(material.base, color=_jitter(b, rng), second=_scaled(b, 0.75))
         kind, text = pick(
@@ -683,10 +699,39 @@ SUFFIXES = (
 )
 
 
-def random_caption(rng: Rng, archetype: str) -> tuple[str, Material]:
-    """A sentence that fits a shape's archetype more often than not, and its material."""
+def _patterned_caption(rng: Rng) -> tuple[str, Material]:
+    """Painted porcelain and other things known by their pattern, and rusty hardware."""
+    name = pick(rng, ("blue and white porcelain", "blue and white porcelain", "camouflage", "plaid fabric", "rust", "leather"))
+    if name == "rust":
+        form, material = _rusty_phrase(rng)[1:]
+        noun = pick(rng, ("bolt", "nut", "wing nut", "screw", "key", "gear", "anchor", "wrench", "hinge", "valve", "pipe", "chain"))
+    elif name == "leather":
+        _, form2, second = _metal_phrase(rng)
+        form, material = pick(rng, ("leather", "brown leather", "old leather", "worn leather", "1930s leather", "vintage leather")), None
+        material = _over(_kind_material(TINTED["leather"], rng), second, "accent")
+        noun = pick(rng, ("helmet", "flight helmet", "aviator cap", "cap", "hat", "bag")) + f" with {form2} " + pick(
+            rng, ("goggles", "buckles", "buttons", "rivets", "details")
+        )
+        if rng.random() < 0.4:
+            stand = _kind_material(NATURAL["wood"], rng)
+            noun, material = noun + " on a wooden " + pick(rng, ("stand", "base")), _over(material, stand, "limbs")
+    else:
+        form, material = name, _kind_material(NATURAL[name], rng)
+        noun = pick(rng, ("teapot", "vase", "jug", "cup", "bowl", "plate", "jar", "elephant", "figurine", "mug", "pot"))
+    return article(f"{form} {noun}" if rng.random() < 0.85 else form, rng), material
+
+
+def _focus_caption(rng: Rng) -> tuple[str, Material]:
+    """What people paint first and the plain mixture shows too rarely: animals, people, inflatables, painted porcelain, rust."""
+    return pick(rng, (_animal_caption, _animal_caption, _animal_caption, _person_caption, _inflatable_caption, _patterned_caption))(rng)
+
+
+def random_caption(rng: Rng, archetype: str, focus: float = 0.0) -> tuple[str, Material]:
+    """A sentence that fits a shape's archetype more often than not, and its material; a share ``focus`` is of those too rare."""
     draw = rng.random()
-    if draw < 0.2:
+    if rng.random() < focus:
+        text, material = _focus_caption(rng)
+    elif draw < 0.2:
         text, material = _core_caption(rng)
     elif draw < 0.38:
         text, material = _bare_caption(rng)
@@ -711,7 +756,7 @@ def random_caption(rng: Rng, archetype: str) -> tuple[str, Material]:
     if rng.random() < 0.08:
         text += pick(rng, SUFFIXES)
     if text in HELD_OUT:
-        return random_caption(rng, archetype)
+        return random_caption(rng, archetype, focus)
     return text, material
 
 

@@ -55,9 +55,9 @@ def make_lights(synthetic: int = 12) -> list[Light]:
     return captured * 4 + made
 
 
-def make(job: tuple[int, int, int, str, int]) -> None:
+def make(job: tuple[int, int, int, str, int, float]) -> None:
     """Render one chunk of samples to ``<out>/<chunk>.npz``."""
-    chunk, count, batch, folder, seed = job
+    chunk, count, batch, folder, seed, focus = job
     torch.set_num_threads(1)
     rng = np.random.default_rng([seed, chunk])
     source = {
@@ -81,7 +81,7 @@ def make(job: tuple[int, int, int, str, int]) -> None:
         normal = F.normalize(torch.from_numpy(source["normal"][index])[mask].float(), dim=-1)
         view = F.normalize(torch.from_numpy(source["eye"][index])[sample] - position, dim=-1)
         points = Points(position, normal, view, part[mask], sample)
-        pairs = [random_caption(rng, ARCHETYPES[int(source["archetype"][i])]) for i in index]
+        pairs = [random_caption(rng, ARCHETYPES[int(source["archetype"][i])], focus) for i in index]
         surface, bumped = evaluate([m for _, m in pairs], points, volume, rng)
         draw = partial(_uniform, rng, b)
         light = lights[int(rng.integers(len(lights)))]
@@ -131,13 +131,14 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=40)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--first", type=int, default=0, help="number of the first chunk, to add to a set")
+    parser.add_argument("--focus", type=float, default=0.0, help="share of captions of the kinds that are too rare")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--out", type=Path, default=WORK / "data")
     a = parser.parse_args()
     a.out.mkdir(parents=True, exist_ok=True)
     make_lights()
     jobs = [
-        (a.first + i, min(a.chunk, a.samples - i * a.chunk), a.batch, str(a.out), a.seed)
+        (a.first + i, min(a.chunk, a.samples - i * a.chunk), a.batch, str(a.out), a.seed, a.focus)
         for i in range(-(-a.samples // a.chunk))
     ]
     jobs = [job for job in jobs if not (a.out / f"{job[0]:04d}.json").exists()]

@@ -62,8 +62,9 @@ def normalized(maps: TextureMaps) -> TextureMaps:
     return TextureMaps(maps.base_color, maps.roughness, maps.metallic, normal)
 
 
-def fill_unseen(values: NDArray[np.float32], covered: NDArray[np.bool_], visible: NDArray[np.bool_],
-                position: NDArray[np.float32]) -> NDArray[np.float32]:
+def fill_unseen(
+    values: NDArray[np.float32], covered: NDArray[np.bool_], visible: NDArray[np.bool_], position: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """Covered texels that are not visible take a blend of the visible ones nearest in space.
 
     Neighbours come from the same layer; a layer without any visible texel takes the mean of all visible texels.
@@ -89,13 +90,15 @@ def fill_unseen(values: NDArray[np.float32], covered: NDArray[np.bool_], visible
         if not visible[layer].any():
             out[layer][hidden] = mean
             continue
-        out[layer][hidden] = blend_nearest(position[layer][visible[layer]], values[layer][visible[layer]],
-                                           position[layer][hidden])
+        out[layer][hidden] = blend_nearest(
+            position[layer][visible[layer]], values[layer][visible[layer]], position[layer][hidden]
+        )
     return out
 
 
-def blend_nearest(points: NDArray[np.float32], values: NDArray[np.float32], at: NDArray[np.float32],
-                  neighbours: int = NEIGHBOURS) -> NDArray[np.float32]:
+def blend_nearest(
+    points: NDArray[np.float32], values: NDArray[np.float32], at: NDArray[np.float32], neighbours: int = NEIGHBOURS
+) -> NDArray[np.float32]:
     """Inverse-squared-distance mean of the values at the nearest ``points`` (n, 3) to each of ``at`` (m, 3) -> (m, c).
 
     The weight falls to zero at the farthest neighbour (Shepard's local form, (R - d)^2 / (R d)^2), so the result is

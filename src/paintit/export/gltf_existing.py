@@ -44,8 +44,11 @@ def repaint_document(
     views = [document.view(i) for i in range(len(document.items("bufferViews")))]
     assembly = Assembly(copy.deepcopy(document.json), views)
     if "EXT_meshopt_compression" in assembly.json.get("extensionsUsed", []):
-        raise OutputError("output.compressed", "the input document uses EXT_meshopt_compression",
-                          "export the input without compression, or write an .obj")
+        raise OutputError(
+            "output.compressed",
+            "the input document uses EXT_meshopt_compression",
+            "export the input without compression, or write an .obj",
+        )
     notes: list[str] = []
     painted = _painted(document, mesh, assembly)
     for layer, (suffix, images) in enumerate(zip(layer_suffixes(mesh), encoded, strict=True)):
@@ -70,7 +73,10 @@ def repaint_document(
 
 
 _MAGIC = (
-    (b"\x89PNG", "image/png"), (b"\xff\xd8\xff", "image/jpeg"), (b"RIFF", "image/webp"), (b"\xabKTX", "image/ktx2"),
+    (b"\x89PNG", "image/png"),
+    (b"\xff\xd8\xff", "image/jpeg"),
+    (b"RIFF", "image/webp"),
+    (b"\xabKTX", "image/ktx2"),
 )
 
 
@@ -99,8 +105,11 @@ def _painted(document: GltfDocument, mesh: Mesh, assembly: Assembly) -> list[Pai
             if known:
                 target = assembly.append("meshes", copy.deepcopy(document.json["meshes"][source]))
             known.append((parts, target))
-            out += [PaintedPrimitive(part, target, assembly.json["meshes"][target]["primitives"][part.primitive[1]])
-                    for part in parts if part.primitive is not None]
+            out += [
+                PaintedPrimitive(part, target, assembly.json["meshes"][target]["primitives"][part.primitive[1]])
+                for part in parts
+                if part.primitive is not None
+            ]
         if target != source and node is not None:
             assembly.json["nodes"][node]["mesh"] = target
     return out
@@ -108,16 +117,19 @@ def _painted(document: GltfDocument, mesh: Mesh, assembly: Assembly) -> list[Pai
 
 def _alike(mesh: Mesh, parts: list[Part], others: list[Part]) -> bool:
     """Two instances of a glTF mesh have the same faces with the same UVs and layers, be one of them mirrored."""
+
     def same_faces(a: Part, b: Part) -> bool:
-        pairs = ((corner_vertices(mesh, a), corner_vertices(mesh, b)),
-                 (mesh.corner_uvs[slice(*a.faces)], mesh.corner_uvs[slice(*b.faces)]))
+        pairs = (
+            (corner_vertices(mesh, a), corner_vertices(mesh, b)),
+            (mesh.corner_uvs[slice(*a.faces)], mesh.corner_uvs[slice(*b.faces)]),
+        )
         return any(all(np.array_equal(x[:, order], y) for x, y in pairs) for order in ([0, 1, 2], [0, 2, 1]))
 
     key = lambda part: part.primitive or (0, 0)  # noqa: E731
     pairs = list(zip(sorted(parts, key=key), sorted(others, key=key), strict=False))
     return len(parts) == len(others) and all(
-        a.primitive == b.primitive and a.layer == b.layer and same_faces(a, b)
-        for a, b in pairs)
+        a.primitive == b.primitive and a.layer == b.layer and same_faces(a, b) for a, b in pairs
+    )
 
 
 def _color_info(material: dict[str, Any]) -> dict[str, Any] | None:
@@ -166,9 +178,17 @@ def _uv_sets(primitive: dict[str, Any]) -> int:
     return sum(name.startswith("TEXCOORD_") for name in primitive["attributes"])
 
 
-def _write_material(assembly: Assembly, mesh: Mesh, layer: int, painted: list[PaintedPrimitive], suffix: str,
-                    images: EncodedMaps, alpha: NDArray[np.uint8] | None, uv_set: tuple[int, bool],
-                    notes: list[str]) -> None:
+def _write_material(
+    assembly: Assembly,
+    mesh: Mesh,
+    layer: int,
+    painted: list[PaintedPrimitive],
+    suffix: str,
+    images: EncodedMaps,
+    alpha: NDArray[np.uint8] | None,
+    uv_set: tuple[int, bool],
+    notes: list[str],
+) -> None:
     """Put the layer's textures into its material; a material that others use too is copied first."""
     json = assembly.json
     index = mesh.layers[layer].source_index
@@ -200,8 +220,12 @@ def _write_material(assembly: Assembly, mesh: Mesh, layer: int, painted: list[Pa
         textures = {name: info | {"texCoord": uv_set[0]} for name, info in textures.items()}
     kept = {k: v for k, v in old.items() if k in ("extras", "extensions")}
     material["pbrMetallicRoughness"] = kept | {
-        "baseColorFactor": [1.0, 1.0, 1.0, opacity], "baseColorTexture": textures["base_color"],
-        "metallicFactor": 1.0, "roughnessFactor": 1.0, "metallicRoughnessTexture": textures["orm"]}
+        "baseColorFactor": [1.0, 1.0, 1.0, opacity],
+        "baseColorTexture": textures["base_color"],
+        "metallicFactor": 1.0,
+        "roughnessFactor": 1.0,
+        "metallicRoughnessTexture": textures["orm"],
+    }
     material["normalTexture"] = textures["normal"] | {"scale": 1.0}
     _forget_unused_extensions(json)
 

@@ -32,8 +32,9 @@ class PaintedPrimitive:
     json: dict[str, Any]
 
 
-def write_primitive(assembly: Assembly, document: GltfDocument, mesh: Mesh, primitive: PaintedPrimitive,
-                    uv_set: tuple[int, bool]) -> None:
+def write_primitive(
+    assembly: Assembly, document: GltfDocument, mesh: Mesh, primitive: PaintedPrimitive, uv_set: tuple[int, bool]
+) -> None:
     """Give the primitive its tangents and, if ``uv_set[1]``, the mesh's UVs as set ``uv_set[0]``.
 
     Tangents are made in the primitive's own space (bind space where it is skinned) from its own positions and normals,
@@ -52,8 +53,11 @@ def write_primitive(assembly: Assembly, document: GltfDocument, mesh: Mesh, prim
     else:  # glTF 2.0, 3.7.2.1: without normals, flat ones
         flat = np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0])
         normal = np.repeat(unit(flat, (0.0, 0.0, 1.0))[:, None], 3, 1)
-    new: dict[str, NDArray[Any]] = {"TANGENT": clean_tangents(
-        mikktspace(vertices, corner, uv.reshape(-1, 2), np.arange(corner.size).reshape(-1, 3), normal))}
+    new: dict[str, NDArray[Any]] = {
+        "TANGENT": clean_tangents(
+            mikktspace(vertices, corner, uv.reshape(-1, 2), np.arange(corner.size).reshape(-1, 3), normal)
+        )
+    }
     if "NORMAL" not in attributes:
         new["NORMAL"] = normal
     if uv_set[1]:
@@ -65,6 +69,7 @@ def write_primitive(assembly: Assembly, document: GltfDocument, mesh: Mesh, prim
 
 def _turned_over(corner: NDArray[np.int64], triangles: NDArray[np.int64]) -> bool:
     """Whether ``corner`` (n, 3) winds against the file's ``triangles`` (m, 3)."""
+
     def cycles(faces: NDArray[np.int64]) -> NDArray[np.void]:
         start = faces.argmin(1)
         turned = np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, 1)
@@ -73,8 +78,13 @@ def _turned_over(corner: NDArray[np.int64], triangles: NDArray[np.int64]) -> boo
     return not bool(np.isin(cycles(corner), cycles(triangles)).all())
 
 
-def _write(assembly: Assembly, document: GltfDocument, primitive: dict[str, Any], corner: NDArray[np.int64],
-           new: dict[str, NDArray[Any]]) -> None:
+def _write(
+    assembly: Assembly,
+    document: GltfDocument,
+    primitive: dict[str, Any],
+    corner: NDArray[np.int64],
+    new: dict[str, NDArray[Any]],
+) -> None:
     """Attach per-corner attributes: on the vertices as they are where their corners agree, else on split vertices."""
     attributes = primitive["attributes"]
     count = int(document.json["accessors"][attributes["POSITION"]]["count"])
@@ -111,11 +121,10 @@ _IDLE = {"TANGENT": (1.0, 0.0, 0.0, 1.0), "NORMAL": (0.0, 0.0, 1.0)}
 def _gather(assembly: Assembly, document: GltfDocument, accessor: int, vertex: NDArray[np.int64]) -> int:
     """A new accessor with the stored values of the old one at ``vertex``, same component type and name."""
     old = document.json["accessors"][accessor]
-    new = assembly.add_attribute(stored(document, accessor)[vertex], normalized=bool(old.get("normalized")),
-                                 bounds="min" in old or "max" in old)
+    new = assembly.add_attribute(
+        stored(document, accessor)[vertex], normalized=bool(old.get("normalized")), bounds="min" in old or "max" in old
+    )
     for key in ("name", "extras"):
         if key in old:
             assembly.json["accessors"][new][key] = old[key]
     return new
-
-

@@ -17,8 +17,9 @@ from paintit.mesh.mesh import Mesh, Part
 FAR_ORIGIN = 1000.0
 
 
-def add_textures(assembly: Assembly, suffix: str, encoded: EncodedMaps, sampler: int, alpha: Any = None
-                 ) -> dict[str, dict[str, int]]:
+def add_textures(
+    assembly: Assembly, suffix: str, encoded: EncodedMaps, sampler: int, alpha: Any = None
+) -> dict[str, dict[str, int]]:
     """The three textures of a layer; ``alpha`` (h, w) uint8 becomes the fourth channel of the base colour.
 
     Returns:
@@ -26,8 +27,10 @@ def add_textures(assembly: Assembly, suffix: str, encoded: EncodedMaps, sampler:
     """
     base = encoded.base_color if alpha is None else np.concatenate([encoded.base_color, alpha[..., None]], -1)
     images = {"base_color": base, "orm": encoded.orm, "normal": encoded.normal}
-    return {name: {"index": assembly.add_texture(f"{name}{suffix}", png_bytes(pixels), sampler)}
-            for name, pixels in images.items()}
+    return {
+        name: {"index": assembly.add_texture(f"{name}{suffix}", png_bytes(pixels), sampler)}
+        for name, pixels in images.items()
+    }
 
 
 def unit(vectors: NDArray[np.floating[Any]], fallback: tuple[float, float, float]) -> NDArray[np.float32]:
@@ -50,7 +53,7 @@ def _objects(mesh: Mesh, fallback: str) -> list[tuple[str, NDArray[np.int64]]]:
     loose = np.ones(len(mesh.faces), bool)
     for part in parts:
         faces.setdefault(part.name or fallback, []).append(np.arange(*part.faces, dtype=np.int64))
-        loose[part.faces[0]:part.faces[1]] = False
+        loose[part.faces[0] : part.faces[1]] = False
     if loose.any():
         faces.setdefault(fallback, []).append(np.flatnonzero(loose).astype(np.int64))
     return [(name, np.concatenate(runs)) for name, runs in faces.items()]
@@ -65,24 +68,39 @@ def _origin(mesh: Mesh) -> NDArray[np.float64]:
 def new_document(mesh: Mesh, encoded: list[EncodedMaps], metadata: dict[str, Any]) -> Assembly:
     """A node and mesh per object of the file, a primitive per material in it; float32 in the file's own coordinates."""
     stem = mesh.source.path.stem if mesh.source else "mesh"
-    assembly = Assembly({
-        "asset": {"version": "2.0", "generator": f"paintit {__version__}", "extras": {"paintit": metadata}},
-        "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": []})
+    assembly = Assembly(
+        {
+            "asset": {"version": "2.0", "generator": f"paintit {__version__}", "extras": {"paintit": metadata}},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+            "meshes": [],
+        }
+    )
     sampler = assembly.append("samplers", dict(SAMPLER))
     for layer, suffix, images in zip(mesh.layers, layer_suffixes(mesh), encoded, strict=True):
         textures = add_textures(assembly, suffix, images, sampler)
-        assembly.append("materials", {
-            "name": layer.name,
-            "pbrMetallicRoughness": {
-                "baseColorFactor": [1.0, 1.0, 1.0, 1.0], "baseColorTexture": textures["base_color"],
-                "metallicFactor": 1.0, "roughnessFactor": 1.0, "metallicRoughnessTexture": textures["orm"]},
-            "normalTexture": textures["normal"] | {"scale": 1.0},
-            "doubleSided": True,  # such files say nothing of sides, and their faces may be turned away
-        })
+        assembly.append(
+            "materials",
+            {
+                "name": layer.name,
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [1.0, 1.0, 1.0, 1.0],
+                    "baseColorTexture": textures["base_color"],
+                    "metallicFactor": 1.0,
+                    "roughnessFactor": 1.0,
+                    "metallicRoughnessTexture": textures["orm"],
+                },
+                "normalTexture": textures["normal"] | {"scale": 1.0},
+                "doubleSided": True,  # such files say nothing of sides, and their faces may be turned away
+            },
+        )
     origin = _origin(mesh)
     for name, faces in _objects(mesh, stem):
-        primitives = [_primitive(assembly, mesh, faces[mesh.face_layer[faces] == layer], layer, origin)
-                      for layer in np.unique(mesh.face_layer[faces])]
+        primitives = [
+            _primitive(assembly, mesh, faces[mesh.face_layer[faces] == layer], layer, origin)
+            for layer in np.unique(mesh.face_layer[faces])
+        ]
         index = assembly.append("meshes", {"name": name, "primitives": primitives})
         node: dict[str, Any] = {"name": name, "mesh": index}
         if origin.any():
@@ -91,8 +109,9 @@ def new_document(mesh: Mesh, encoded: list[EncodedMaps], metadata: dict[str, Any
     return assembly
 
 
-def _primitive(assembly: Assembly, mesh: Mesh, faces: NDArray[np.int64], layer: int, origin: NDArray[np.float64]
-               ) -> dict[str, Any]:
+def _primitive(
+    assembly: Assembly, mesh: Mesh, faces: NDArray[np.int64], layer: int, origin: NDArray[np.float64]
+) -> dict[str, Any]:
     position = (mesh.vertices[mesh.faces[faces]] - origin).astype(np.float32)
     uv = mesh.corner_uvs[faces].astype(np.float32)
     normal = unit(mesh.normals[faces], (0.0, 0.0, 1.0))

@@ -8,14 +8,33 @@ from typing import Any
 from paintit.export.gltf_assembly import Assembly
 
 #: Extensions whose references to textures, images, accessors and buffer views the walks below know.
-KNOWN = frozenset({
-    "KHR_animation_pointer", "KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat",
-    "KHR_materials_diffuse_transmission", "KHR_materials_dispersion", "KHR_materials_emissive_strength",
-    "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
-    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_variants",
-    "KHR_materials_volume", "KHR_mesh_quantization", "KHR_texture_basisu", "KHR_texture_transform",
-    "KHR_xmp_json_ld", "EXT_texture_webp", "EXT_mesh_gpu_instancing", "MSFT_texture_dds",
-})
+KNOWN = frozenset(
+    {
+        "KHR_animation_pointer",
+        "KHR_lights_punctual",
+        "KHR_materials_anisotropy",
+        "KHR_materials_clearcoat",
+        "KHR_materials_diffuse_transmission",
+        "KHR_materials_dispersion",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_ior",
+        "KHR_materials_iridescence",
+        "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_sheen",
+        "KHR_materials_specular",
+        "KHR_materials_transmission",
+        "KHR_materials_unlit",
+        "KHR_materials_variants",
+        "KHR_materials_volume",
+        "KHR_mesh_quantization",
+        "KHR_texture_basisu",
+        "KHR_texture_transform",
+        "KHR_xmp_json_ld",
+        "EXT_texture_webp",
+        "EXT_mesh_gpu_instancing",
+        "MSFT_texture_dds",
+    }
+)
 
 Reference = tuple[Any, Any]
 """A container and the key or index in it under which another object's index stands."""

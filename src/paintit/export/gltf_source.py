@@ -50,7 +50,7 @@ def source_triangles(document: GltfDocument, primitive: dict[str, Any]) -> NDArr
         order = np.arange(document.json["accessors"][primitive["attributes"]["POSITION"]]["count"], dtype=np.int64)
     mode = primitive.get("mode", 4)
     if mode == 4:
-        return order[:len(order) // 3 * 3].reshape(-1, 3)
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
     i = np.arange(max(len(order) - 2, 0))
     if mode == 5:
         return order[np.stack([i, i + 1 + i % 2, i + 2 - i % 2], 1)]
@@ -69,7 +69,7 @@ def corner_vertices(mesh: Mesh, part: Part) -> NDArray[np.int64]:
     """(n, 3) vertex of the source primitive at each corner of the part's faces."""
     if mesh.source is None or mesh.source.corner_vertex is None:
         raise MeshError("mesh.no_primitive", "the mesh does not know its source vertices", "read the file again")
-    return mesh.source.corner_vertex[part.faces[0]:part.faces[1]]
+    return mesh.source.corner_vertex[part.faces[0] : part.faces[1]]
 
 
 def material_of(document: GltfDocument, mesh: Mesh, layer: int) -> dict[str, Any]:
@@ -172,14 +172,28 @@ def resized(pixels: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.fl
     if pixels.shape[:2] == size:
         return pixels
     height, width = size
-    channels = [np.asarray(Image.fromarray(np.ascontiguousarray(pixels[..., c])).resize(
-        (width, height), Image.Resampling.BOX if height * width < pixels.shape[0] * pixels.shape[1]
-        else Image.Resampling.BILINEAR)) for c in range(pixels.shape[2])]
+    channels = [
+        np.asarray(
+            Image.fromarray(np.ascontiguousarray(pixels[..., c])).resize(
+                (width, height),
+                Image.Resampling.BOX
+                if height * width < pixels.shape[0] * pixels.shape[1]
+                else Image.Resampling.BILINEAR,
+            )
+        )
+        for c in range(pixels.shape[2])
+    ]
     return np.stack(channels, -1).astype(np.float32)
 
 
-def onto_layer(document: GltfDocument, mesh: Mesh, layer: int, info: dict[str, Any], pixels: NDArray[np.float32],
-               size: tuple[int, int]) -> NDArray[np.float32]:
+def onto_layer(
+    document: GltfDocument,
+    mesh: Mesh,
+    layer: int,
+    info: dict[str, Any],
+    pixels: NDArray[np.float32],
+    size: tuple[int, int],
+) -> NDArray[np.float32]:
     """A source texture in the mesh's own UVs, (\\*size, c): resized where the UVs are the file's, else resampled."""
     where = layer_uv(document, mesh, layer, info)
     if where.same:

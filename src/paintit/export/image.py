@@ -61,8 +61,11 @@ def encode_maps(maps: TextureMaps) -> list[EncodedMaps]:
         OutputError: ``"output.not_finite"``, a map holds a NaN or an infinity.
     """
     if not bool(torch.isfinite(maps.packed()).all()):
-        raise OutputError("output.not_finite", "the texture maps hold values that are not finite",
-                          "the optimisation diverged: lower --optim.lr or export an earlier checkpoint")
+        raise OutputError(
+            "output.not_finite",
+            "the texture maps hold values that are not finite",
+            "the optimisation diverged: lower --optim.lr or export an earlier checkpoint",
+        )
     base_color = quantize(encode_srgb(maps.base_color.detach().float()))
     occlusion = torch.ones_like(maps.roughness)
     orm = quantize(torch.cat([occlusion, maps.roughness, maps.metallic], -1))
@@ -111,8 +114,11 @@ def layer_suffixes(mesh: Mesh) -> list[str]:
 def check_layers(mesh: Mesh, maps: TextureMaps) -> None:
     """Raise ``OutputError("output.layers")`` unless there is one set of maps for every layer of the mesh."""
     if maps.layers != len(mesh.layers):
-        raise OutputError("output.layers", f"the maps have {maps.layers} layers, the mesh has {len(mesh.layers)}",
-                          "use maps that were painted on this mesh")
+        raise OutputError(
+            "output.layers",
+            f"the maps have {maps.layers} layers, the mesh has {len(mesh.layers)}",
+            "use maps that were painted on this mesh",
+        )
 
 
 def write_files(files: dict[Path, bytes]) -> None:

@@ -65,15 +65,29 @@ def material_names(mesh: Mesh) -> list[str]:
 
 
 def _images(encoded: EncodedMaps) -> dict[str, bytes]:
-    return {"base_color": png_bytes(encoded.base_color), "roughness": png_bytes(encoded.roughness),
-            "metallic": png_bytes(encoded.metallic), "normal": png_bytes(encoded.normal)}
+    return {
+        "base_color": png_bytes(encoded.base_color),
+        "roughness": png_bytes(encoded.roughness),
+        "metallic": png_bytes(encoded.metallic),
+        "normal": png_bytes(encoded.normal),
+    }
 
 
 def _material(name: str, files: dict[str, str]) -> list[str]:
     """The PBR extension of MTL. Blender takes the normal map from ``map_Bump`` only, others from ``norm``."""
-    return [f"newmtl {name}", "Kd 1 1 1", "Ks 0.5 0.5 0.5", "Pr 1", "Pm 1", "illum 2", f"map_Kd {files['base_color']}",
-            f"map_Pr {files['roughness']}", f"map_Pm {files['metallic']}", f"norm {files['normal']}",
-            f"map_Bump {files['normal']}"]
+    return [
+        f"newmtl {name}",
+        "Kd 1 1 1",
+        "Ks 0.5 0.5 0.5",
+        "Pr 1",
+        "Pm 1",
+        "illum 2",
+        f"map_Kd {files['base_color']}",
+        f"map_Pr {files['roughness']}",
+        f"map_Pm {files['metallic']}",
+        f"norm {files['normal']}",
+        f"map_Bump {files['normal']}",
+    ]
 
 
 def _with_library(document: ObjDocument, mesh: Mesh, names: list[str], library: str) -> list[str]:

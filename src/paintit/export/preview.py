@@ -62,8 +62,17 @@ def preview(
         LightError: the light cannot be read.
         UsageError: ``"preview.size"``, no views or no pixels.
     """
-    images = _images(mesh, maps, preview_cameras(_positive(views, "views")), light_path, size, exposure, rotation_deg,
-                     background, supersample)
+    images = _images(
+        mesh,
+        maps,
+        preview_cameras(_positive(views, "views")),
+        light_path,
+        size,
+        exposure,
+        rotation_deg,
+        background,
+        supersample,
+    )
     return sheet(images, columns or (2 if views == 4 else views))
 
 
@@ -96,8 +105,16 @@ def write_turntable(path: Path, frames: list[Image.Image], frames_per_second: fl
         OutputError: the file system refuses.
     """
     out = io.BytesIO()
-    frames[0].save(out, format="WEBP", save_all=True, append_images=frames[1:], loop=0,
-                   duration=round(1000 / frames_per_second), quality=85, method=4)
+    frames[0].save(
+        out,
+        format="WEBP",
+        save_all=True,
+        append_images=frames[1:],
+        loop=0,
+        duration=round(1000 / frames_per_second),
+        quality=85,
+        method=4,
+    )
     write_files({Path(path): out.getvalue()})
 
 
@@ -117,9 +134,18 @@ def _positive(value: int, name: str) -> int:
     return value
 
 
-def _images(mesh: Mesh, maps: TextureMaps, cameras: Cameras, light_path: str, size: int, exposure: float,
-            rotation_deg: float, background: float | None, supersample: int,
-            on_frame: Callable[[int, int], None] | None = None) -> list[Image.Image]:
+def _images(
+    mesh: Mesh,
+    maps: TextureMaps,
+    cameras: Cameras,
+    light_path: str,
+    size: int,
+    exposure: float,
+    rotation_deg: float,
+    background: float | None,
+    supersample: int,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> list[Image.Image]:
     check_layers(mesh, maps)
     _positive(size, "size")
     geometry = Geometry.from_mesh(mesh)
@@ -127,8 +153,16 @@ def _images(mesh: Mesh, maps: TextureMaps, cameras: Cameras, light_path: str, si
     light: Light = prefilter(load_environment(light_path, exposure))
     images = []
     for i in range(len(cameras)):
-        pixels = render_image(geometry, cameras[i:i + 1], maps, light, size, supersample=supersample,
-                              rotation=math.radians(rotation_deg), background=background)
+        pixels = render_image(
+            geometry,
+            cameras[i : i + 1],
+            maps,
+            light,
+            size,
+            supersample=supersample,
+            rotation=math.radians(rotation_deg),
+            background=background,
+        )
         images.append(Image.fromarray(pixels[0]))
         if on_frame is not None:
             on_frame(i + 1, len(cameras))

@@ -45,8 +45,11 @@ def read_maps(mesh: Mesh, size: int | None = None) -> TextureMaps:
     """
     document = document_of(mesh)
     if document is None:
-        raise MeshError("maps.none", "only .glb and .gltf files carry PBR textures that can be read",
-                        "name a .glb, a .gltf, or the run folder")
+        raise MeshError(
+            "maps.none",
+            "only .glb and .gltf files carry PBR textures that can be read",
+            "name a .glb, a .gltf, or the run folder",
+        )
     layers = [_Slots(document, material_of(document, mesh, i)) for i in range(len(mesh.layers))]
     side = size or min(max((slot.side for slot in layers), default=0) or PLAIN_SIZE, MAX_SIZE)
     return _stack([slot.maps(mesh, i, side) for i, slot in enumerate(layers)])
@@ -67,13 +70,22 @@ def read_maps_folder(folder: Path, mesh: Mesh, size: int | None = None) -> Textu
             try:
                 found[name] = image_pixels(path.read_bytes())[..., :3]
             except OSError as error:
-                raise MeshError("maps.missing", f"cannot read {path}: {(error.strerror or str(error)).lower()}",
-                                "name a run folder, or a folder of maps written for this mesh") from None
+                raise MeshError(
+                    "maps.missing",
+                    f"cannot read {path}: {(error.strerror or str(error)).lower()}",
+                    "name a run folder, or a folder of maps written for this mesh",
+                ) from None
         pixels.append(found)
     side = size or max(max(image.shape[:2]) for found in pixels for image in found.values())
     square = (side, side)
-    return _stack([_decode(resized(found["base_color"], square), resized(found["orm"], square),
-                           resized(found["normal"], square)) for found in pixels])
+    return _stack(
+        [
+            _decode(
+                resized(found["base_color"], square), resized(found["orm"], square), resized(found["normal"], square)
+            )
+            for found in pixels
+        ]
+    )
 
 
 def _decode(base_color: NDArray[np.float32], orm: NDArray[np.float32], normal: NDArray[np.float32]) -> TextureMaps:
@@ -117,6 +129,7 @@ class _Slots:
 
     def maps(self, mesh: Mesh, layer: int, side: int) -> TextureMaps:
         """(side, side, .) maps of the layer."""
+
         def image(name: str) -> NDArray[np.float32]:
             if name not in self.images:
                 return np.broadcast_to(np.array(_NEUTRAL[name], np.float32), (side, side, 3))
@@ -126,6 +139,9 @@ class _Slots:
         maps = _decode(image("base_color"), image("orm"), image("normal"))
         scale = self.images["normal"][0].get("scale", 1.0) if "normal" in self.images else 1.0
         tilted = maps.normal * torch.tensor([scale, scale, 1.0], dtype=torch.float32)
-        return TextureMaps(maps.base_color * torch.tensor(self.color, dtype=torch.float32),
-                           maps.roughness * self.roughness, maps.metallic * self.metallic,
-                           torch.nn.functional.normalize(tilted, dim=-1))
+        return TextureMaps(
+            maps.base_color * torch.tensor(self.color, dtype=torch.float32),
+            maps.roughness * self.roughness,
+            maps.metallic * self.metallic,
+            torch.nn.functional.normalize(tilted, dim=-1),
+        )

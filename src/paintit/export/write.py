@@ -37,8 +37,11 @@ def kind_of(path: Path) -> str:
         raise output_error(path, error) from error
     if kind not in KINDS:
         known = ", ".join(name for name in KINDS if name)
-        raise UsageError("output.unknown_extension", f"cannot write '{path.name}': the extension {kind} is not known",
-                         f"choose one of {known}, or a folder name for PNG maps")
+        raise UsageError(
+            "output.unknown_extension",
+            f"cannot write '{path.name}': the extension {kind} is not known",
+            f"choose one of {known}, or a folder name for PNG maps",
+        )
     return kind
 
 

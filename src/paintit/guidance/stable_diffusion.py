@@ -292,9 +292,7 @@ def _check(folder: Path, source: str) -> str | None:
     """The variant of the weight files in ``folder``, once it is seen to hold every part of such a checkpoint."""
     index = folder / "model_index.json"
     if not index.is_file():
-        raise PriorError(
-            "prior.folder", f"'{source}' has no model_index.json", "give a folder that diffusers saved"
-        )
+        raise PriorError("prior.folder", f"'{source}' has no model_index.json", "give a folder that diffusers saved")
     try:
         pipeline = json.loads(index.read_text(encoding="utf-8"))["_class_name"]
     except (ValueError, KeyError, TypeError) as error:

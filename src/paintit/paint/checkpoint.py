@@ -31,7 +31,9 @@ def save(path: Path, painter: Painter) -> None:
         tensors |= {f"optimizer/{index}/{name}": torch.as_tensor(value) for name, value in slots.items()}
     header = {"paintit": json.dumps({"version": VERSION, "step": state["step"]})}
     with atomic(path) as temporary:
-        save_file({name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}, temporary, header)
+        save_file(
+            {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}, temporary, header
+        )
 
 
 def load(path: Path, painter: Painter) -> None:
@@ -51,7 +53,9 @@ def load(path: Path, painter: Painter) -> None:
         raise RunError("checkpoint.damaged", f"the checkpoint {path} cannot be read ({error})", remedy) from error
     if header.get("version") != VERSION:
         raise RunError(
-            "checkpoint.version", f"the checkpoint {path} has version {header.get('version')}, this is {VERSION}", remedy
+            "checkpoint.version",
+            f"the checkpoint {path} has version {header.get('version')}, this is {VERSION}",
+            remedy,
         )
     state: dict[str, Any] = {"step": header["step"], "field": {}, "optimizer": {}, "streams": {}}
     for name, value in tensors.items():

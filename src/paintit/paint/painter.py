@@ -36,7 +36,7 @@ from paintit.texture.maps import TextureMaps
 
 @dataclass(frozen=True)
 class Step:
-    """What one step did. Norms, never a loss: the score-distillation gradient has none (paper-vs-code, "loss shown")."""
+    """What one step did. Norms, never a loss: the score-distillation gradient is injected and has none."""
 
     index: int
     """1 for the first step."""
@@ -146,11 +146,10 @@ class Painter:
 
     def _render(self, maps: TextureMaps, views: Views) -> Channels:
         light, size = self.config.light, self.config.views.size
-        turn = light.rotation
-        if turn is None:
+        if light.rotation is None:
             rotation = float(uniform(0.0, 2 * math.pi, 1, self.streams["light"]))
         else:
-            rotation = math.radians(turn)
+            rotation = math.radians(light.rotation)
         gbuffer = rasterize(self.geometry, views.cameras, size)
         return render(gbuffer, maps, self.light, rotation=rotation, background=self.config.views.background)
 

@@ -45,7 +45,11 @@ class ViewSampler:
         self.config = config
         scale = 2.0 / mesh.extent if mesh.extent > 0 else 1.0
         self._focus = [
-            (region.name, tuple(float(x) for x in (np.asarray(region.center) - mesh.center) * scale), region.radius * scale)
+            (
+                region.name,
+                tuple(float(x) for x in (np.asarray(region.center) - mesh.center) * scale),
+                region.radius * scale,
+            )
             for region in config.focus
         ]
         corners = (mesh.vertices[mesh.faces] - mesh.center) * scale
@@ -57,7 +61,7 @@ class ViewSampler:
         )
 
     def __call__(self, generator: torch.Generator) -> Views:
-        """The views of the next step: half of them on the focus where there is one, then the close-ups, then the rest."""
+        """The views of the next step: half of them on the focus where there is one, some close-ups, the rest whole."""
         config = self.config
         on_focus = config.count // 2 if self._focus else 0
         rest = config.count - on_focus

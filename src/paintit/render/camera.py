@@ -59,15 +59,14 @@ def look_at(
     azimuth: Tensor, elevation: Tensor, radius: float, fov: float, target: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> Cameras:
     """Cameras on a sphere around ``target``. Angles (n,) and ``fov`` in radians, ``radius`` in normalised units."""
-    toward = torch.stack(
-        [elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()], -1
-    )
+    toward = torch.stack([elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()], -1)
     centre = torch.tensor(target, dtype=azimuth.dtype).expand_as(toward)
     return Cameras(centre + radius * toward, centre, azimuth, elevation, fov)
 
 
-def orbit(count: int, elevation_deg: float = 15.0, radius: float = 3.25, fov_deg: float = 45.0,
-          start_deg: float = 0.0) -> Cameras:
+def orbit(
+    count: int, elevation_deg: float = 15.0, radius: float = 3.25, fov_deg: float = 45.0, start_deg: float = 0.0
+) -> Cameras:
     """``count`` cameras evenly around the vertical axis at one elevation, the first at azimuth ``start_deg``."""
     azimuth = math.radians(start_deg) + torch.arange(count, dtype=torch.float32) * (2 * math.pi / count)
     return look_at(azimuth, torch.full_like(azimuth, math.radians(elevation_deg)), radius, math.radians(fov_deg))

@@ -49,10 +49,9 @@ def shade(
     reflected = 2 * cosine * normal - view
     specular = base_color * metallic + DIELECTRIC * (1 - metallic)
     scale, bias = environment_brdf(_above_zero(cosine), roughness)
-    return (
-        base_color * (1 - metallic) * light.diffuse(normal, rotation)
-        + light.specular(reflected, roughness, rotation) * (specular * scale + bias)
-    )
+    return base_color * (1 - metallic) * light.diffuse(normal, rotation) + light.specular(
+        reflected, roughness, rotation
+    ) * (specular * scale + bias)
 
 
 def perturb(normal: Tensor, tangent: Tensor, texel_normal: Tensor) -> Tensor:

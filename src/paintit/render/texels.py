@@ -47,10 +47,10 @@ def view_directions(count: int = 64, elevation_deg: tuple[float, float] = (-60.0
 
 @torch.no_grad()
 def seen(mesh: Mesh, geometry: Geometry, size: int, directions: Tensor | None = None, radius: float = 3.25) -> Tensor:
-    """(layers, size, size) bool: covered texels that take part in what some camera sees, from either side of their face.
+    """(layers, size, size) bool: covered texels that take part in what some camera sees, from either side of the face.
 
-    Each texel of a 2 x 2 block tries one quarter of the directions, a run of consecutive ones, and covered neighbours of a seen texel count
-    as seen: filtering reads them.
+    Each texel of a 2 x 2 block tries one quarter of the directions, a run of consecutive ones, and covered neighbours
+    of a seen texel count as seen: filtering reads them.
 
     Args:
         directions: (k, 3) unit directions from the origin to the cameras; :func:`view_directions` where None.

@@ -279,9 +279,7 @@ def _failed(job: Job, record: Record, error: BaseException, seconds: float) -> N
     records.write(job.folder.record, record)
 
 
-def _paint(
-    job: Job, on_step: Callable[[Step], None] | None, stop: Callable[[], bool], every: float
-) -> list[Step]:
+def _paint(job: Job, on_step: Callable[[Step], None] | None, stop: Callable[[], bool], every: float) -> list[Step]:
     folder, painter, request = job.folder, job.painter, job.request
     history: list[Step] = []
     _forget_after(folder, painter.step)
