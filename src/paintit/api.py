@@ -41,6 +41,7 @@ class PaintResult:
         maps: the texture maps as trained, on the CPU; :meth:`export` fills gutters and unseen texels.
         config: every setting as used.
         prompt: the sentence.
+        support: (layers, h, w) how much guidance each texel has had, see ``Painter.support``.
         history: one record per step.
         seconds: painting time.
         peak_memory: bytes, of the process, or of the GPU where one was used; None where the system does not say.
@@ -52,6 +53,7 @@ class PaintResult:
     maps: TextureMaps
     config: PaintConfig
     prompt: str
+    support: torch.Tensor
     history: tuple[Step, ...]
     seconds: float
     peak_memory: int | None
@@ -60,7 +62,7 @@ class PaintResult:
 
     def finished(self) -> PaintResult:
         """The same with maps ready for any viewer: gutters and texels that no camera can see are filled."""
-        return dataclasses.replace(self, maps=finish(self.mesh, self.maps))
+        return dataclasses.replace(self, maps=finish(self.mesh, self.maps, self.support))
 
     def export(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the painted mesh; the format follows the extension: .glb, .gltf, .obj, or a folder of PNG maps.
@@ -156,7 +158,7 @@ def result_of(
         "version": __version__,
     }
     return PaintResult(
-        painter.mesh, maps, painter.config, prompt, history, seconds, peak_memory(painter.device),
+        painter.mesh, maps, painter.config, prompt, painter.support.cpu(), history, seconds, peak_memory(painter.device),
         f"{word} after {painter.step} of {painter.total} steps", metadata,
     )  # fmt: skip
 

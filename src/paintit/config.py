@@ -36,9 +36,9 @@ class TextureConfig:
     """Largest tilt of the normal map along each tangent axis, before normalisation."""
     tv_weight: float = 0.0
     """Weight of total variation on the base colour; for ``pixels`` (eq. 4)."""
-    precision: Literal["float32", "bfloat16"] = "float32"
+    precision: Literal["auto", "float32", "bfloat16"] = "float32"
     """Arithmetic inside the U-Net; weights, statistics and maps stay float32. bfloat16 is quicker where the processor
-    has it and slower where it has not."""
+    has it and slower where it has not; ``auto`` asks the processor."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,8 @@ class GuidanceConfig:
     """Commit to pin when the prior is a hub id."""
     scale: float = 101.0
     """s in uncond + s (cond - uncond). The official 100 is written cond + s (cond - uncond), which is 101 here."""
+    scale_end: float | None = None
+    """s at the last step, reached linearly; none: constant, as published."""
     schedule: Literal["paper", "official"] = "paper"
     """How the timestep range narrows: ``paper`` linearly, ``official`` by the square root of progress."""
     t_start: tuple[float, float] = (0.2, 0.98)
@@ -169,11 +171,13 @@ PAPER = PaintConfig(
 """Paint-it as published; where the paper is silent, as the official script (see docs/paper.md)."""
 
 POCKET = PaintConfig(
-    texture=TextureConfig(widths=(16, 32, 64, 128, 128), skip_widths=(16, 32, 64, 128, 128), input_channels=16),
+    texture=TextureConfig(
+        widths=(8, 32, 64, 128, 128), skip_widths=(4, 16, 32, 64, 128), input_channels=8, precision="auto"
+    ),
     views=ViewConfig(size=64, background=0.5, close_up=0.25),
     prompt=PromptConfig(template="{prompt}", negative=""),
-    guidance=GuidanceConfig(prior="pocket", scale=7.5, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
-    optim=OptimConfig(steps=120, lr=2e-3, decay=0.9, decay_every=100),
+    guidance=GuidanceConfig(prior="pocket", scale=7.5, scale_end=2.0, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
+    optim=OptimConfig(steps=150, lr=2e-3),
 )
 """The default: the prior that ships in the package, on two CPU cores."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from tests.export.exporting import asset, known_maps
 
-from paintit.export.finish import blend_nearest, fill_unseen, finish
+from paintit.export.finish import blend_nearest, fill_unseen, finish, visibility
 from paintit.mesh.mesh import Layer
 from paintit.mesh.uv import rasterize_uv
 from paintit.render.geometry import Geometry
@@ -71,7 +71,7 @@ def test_unseen_takes_only_seen_values() -> None:
 def test_seen_texels_do_not_change_and_twice_is_the_same() -> None:
     mesh = asset("spot/spot.obj")
     maps = known_maps(mesh, SIZE)
-    visible = torch.as_tensor(seen(mesh, Geometry.from_mesh(mesh), SIZE))
+    visible = torch.as_tensor(visibility(mesh, Geometry.from_mesh(mesh), SIZE))
     first, second = finish(mesh, maps), finish(mesh, maps)
     assert torch.equal(first.packed(), second.packed())
     assert torch.equal(first.base_color[visible], maps.base_color[visible])

@@ -755,7 +755,7 @@ def random_caption(rng: Rng, archetype: str, focus: float = 0.0) -> tuple[str, M
         text = pick(rng, PREFIXES) + text
     if rng.random() < 0.08:
         text += pick(rng, SUFFIXES)
-    if text in HELD_OUT:
+    if any(sentence in text for sentence in HELD_OUT):
         return random_caption(rng, archetype, focus)
     return text, material
 

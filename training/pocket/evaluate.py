@@ -102,7 +102,7 @@ def main() -> None:
             rows.append(row)
             print(f"{name:8}{prompt[:42]:44}sRGB {row['base_srgb']}  rough {row['roughness']:.2f}  metal {row['metallic']:.2f}  "
                   f"nearest {row['nearest']:16} {row['seconds']} s", flush=True)  # fmt: skip
-            picture = preview(mesh, finish(mesh, maps), size=256, views=2)
+            picture = preview(mesh, finish(mesh, maps, painter.support), size=256, views=2)
             ImageDraw.Draw(picture).text((6, 4), prompt, "black", ImageFont.load_default(14))
             pictures.append(picture)
     columns = min(3, len(pictures))

@@ -15,15 +15,19 @@ from paintit.texture.maps import TextureMaps
 
 #: Seen texels that an unseen one is blended from.
 NEIGHBOURS = 16
+#: Support below which a texel is taken from its neighbours, and from which on it keeps what was painted; between them the
+#: two blend. As shares of the median over the texels that a camera sees.
+SUPPORT = (0.15, 0.4)
 #: Side of the largest grid of texels whose visibility is asked with rays.
 VISIBILITY_SIZE = 256
 
 
-def finish(mesh: Mesh, maps: TextureMaps) -> TextureMaps:
+def finish(mesh: Mesh, maps: TextureMaps, support: torch.Tensor | None = None) -> TextureMaps:
     """Maps ready for a file, detached, on the CPU.
 
     Texels that no camera on a sphere around the mesh could see are filled from the seen ones nearest to them on the
-    surface: the network is never told anything about them and leaves inverted values there. Then each texel outside
+    surface: the network is told nothing about them and leaves inverted values there. So are those that had next to no
+    guidance (``support``, (layers, h, w), from the painter): a small part that owns many texels. Then each texel outside
     the islands takes the nearest island's value, so that mip levels do not bleed. Deterministic.
     """
     check_layers(mesh, maps)
@@ -33,8 +37,14 @@ def finish(mesh: Mesh, maps: TextureMaps) -> TextureMaps:
         raise ValueError(f"maps must be square, not {height} x {width}")
     geometry = Geometry.from_mesh(mesh)
     covered, position, _ = texel_points(mesh, geometry, height)
-    visible = visibility(mesh, geometry, height)
-    values = fill_unseen(packed.numpy(), np.asarray(covered), visible, np.asarray(position))
+    visible = visibility(mesh, geometry, height) & np.asarray(covered)
+    painted, keep = packed.numpy(), visible.astype(np.float32)
+    if support is not None and visible.any():
+        had = support.detach().cpu().numpy()
+        low, high = (share * float(np.median(had[visible])) for share in SUPPORT)
+        keep *= np.clip((had - low) / max(high - low, 1e-30), 0, 1)
+    filled = fill_unseen(painted, np.asarray(covered), keep == 1, np.asarray(position))
+    values = filled + keep[..., None] * (painted - filled)
     return normalized(TextureMaps.unpacked(torch.from_numpy(fill_gutters(values, np.asarray(covered)))))
 
 

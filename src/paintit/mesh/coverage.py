@@ -151,8 +151,32 @@ def rasterize_uv(mesh: Mesh, size: int) -> TexelMap:
     return TexelMap(face.reshape(shape), barycentric.reshape(*shape, 3), count.reshape(shape))
 
 
+def nearest_covered(covered: NDArray[np.bool_]) -> Ints:
+    """For each texel the nearest covered one of its layer, itself where covered; textures repeat, so distance wraps.
+
+    Args:
+        covered: (layers, h, w).
+
+    Returns:
+        (layers, h, w) indices into the flattened (layers h w) texels; itself in a layer without any covered texel.
+    """
+    layers, h, w = covered.shape
+    nearest = np.arange(covered.size).reshape(covered.shape)
+    rows, columns = np.arange(-(h // 2), h + h // 2) % h, np.arange(-(w // 2), w + w // 2) % w
+    for layer in range(layers):
+        mask = covered[layer]
+        if mask.all() or not mask.any():
+            continue
+        indices = np.asarray(
+            distance_transform_edt(~mask[rows][:, columns], return_distances=False, return_indices=True)
+        )
+        y, x = (indices[k][h // 2 : h // 2 + h, w // 2 : w // 2 + w] for k in range(2))
+        nearest[layer] = (layer * h + rows[y]) * w + columns[x]
+    return nearest
+
+
 def fill_gutters(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Give every texel outside the coverage the value of the nearest covered one; textures repeat, so distance wraps.
+    """Give every texel outside the coverage the value of the nearest covered one, see :func:`nearest_covered`.
 
     Args:
         image: (layers, h, w, c).
@@ -161,16 +185,4 @@ def fill_gutters(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDAr
     Returns:
         (layers, h, w, c); a layer without any covered texel comes back as it is.
     """
-    filled = image.copy()
-    for layer in range(len(image)):
-        mask = covered[layer]
-        if mask.all() or not mask.any():
-            continue
-        h, w = mask.shape
-        rows, columns = np.arange(-(h // 2), h + h // 2) % h, np.arange(-(w // 2), w + w // 2) % w
-        indices = np.asarray(
-            distance_transform_edt(~mask[rows][:, columns], return_distances=False, return_indices=True)
-        )
-        y, x = (indices[k][h // 2 : h // 2 + h, w // 2 : w // 2 + w] for k in range(2))
-        filled[layer] = image[layer, rows[y], columns[x]]
-    return filled
+    return image.reshape(-1, image.shape[-1])[nearest_covered(covered)]

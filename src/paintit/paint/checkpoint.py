@@ -29,6 +29,7 @@ def save(path: Path, painter: Painter) -> None:
     tensors |= {f"streams/{name}": value for name, value in state["streams"].items()}
     for index, slots in state["optimizer"].items():
         tensors |= {f"optimizer/{index}/{name}": torch.as_tensor(value) for name, value in slots.items()}
+    tensors["support/all"] = state["support"]
     header = {"paintit": json.dumps({"version": VERSION, "step": state["step"]})}
     with atomic(path) as temporary:
         save_file(
@@ -57,7 +58,7 @@ def load(path: Path, painter: Painter) -> None:
             f"the checkpoint {path} has version {header.get('version')}, this is {VERSION}",
             remedy,
         )
-    state: dict[str, Any] = {"step": header["step"], "field": {}, "optimizer": {}, "streams": {}}
+    state: dict[str, Any] = {"step": header["step"], "field": {}, "optimizer": {}, "streams": {}, "support": {}}
     for name, value in tensors.items():
         kind, _, rest = name.partition("/")
         if kind == "optimizer":
@@ -65,6 +66,7 @@ def load(path: Path, painter: Painter) -> None:
             state["optimizer"].setdefault(int(index), {})[slot] = value
         else:
             state[kind][rest] = value
+    state["support"] = state["support"]["all"]
     try:
         painter.load_state_dict(state)
     except (RuntimeError, KeyError, ValueError) as error:

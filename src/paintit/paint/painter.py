@@ -24,6 +24,7 @@ from paintit.guidance.prompt import Prompts
 from paintit.guidance.schedule import sample_t, timestep_range
 from paintit.guidance.sds import sds_gradient
 from paintit.mesh.mesh import Mesh
+from paintit.paint.gutters import Gutters
 from paintit.paint.views import Views, ViewSampler
 from paintit.render.gbuffer import rasterize
 from paintit.render.geometry import Geometry
@@ -67,6 +68,10 @@ class Painter:
         prior: the diffusion prior; by default the one that ``config.guidance`` names.
         light: the prefiltered light; by default the one that ``config.light`` names.
         profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
+
+    Attributes:
+        support: (layers, h, w) how much guidance each texel has had: the sum over steps and channels of the magnitude of its
+            gradient. An exporter takes texels that had next to none from their neighbours.
     """
 
     def __init__(
@@ -93,6 +98,9 @@ class Painter:
         self.geometry = Geometry.from_mesh(mesh, self.device)
         self.sample_views = ViewSampler(mesh, config.views)
         self.field = make_field(config.texture, len(mesh.layers), self.streams["field"]).to(self.device)
+        self.fill_gutters = Gutters(mesh, config.texture.size, self.device)
+        size = config.texture.size
+        self.support = torch.zeros(len(mesh.layers), size, size, device=self.device)
         self.optimizer = torch.optim.Adam(self.field.parameters(), lr=config.optim.lr)
         self.step = 0
         self.total = config.optim.steps
@@ -116,7 +124,9 @@ class Painter:
         maps = self.field()  # T_theta(z), 3.3
         clock("network")
         views = self.sample_views(streams["views"])  # supp. A.2
-        image = self._render(maps, views)  # eq. 2
+        texels = self.fill_gutters(maps).packed()
+        texels.retain_grad()
+        image = self._render(TextureMaps.unpacked(texels), views)  # eq. 2
         clock("render")
         x = self.prior.encode_image(self._read(image))
         progress = self.step / max(self.total - 1, 1)
@@ -124,8 +134,11 @@ class Painter:
         t = sample_t(timestep_range(guidance.schedule, progress, guidance.t_start, guidance.t_end), streams["t"])
         noise = torch.randn((1, *x.shape[1:]), generator=streams["noise"]).to(x)  # one epsilon for all views
         text, negative = self._embed(views)
+        scale = guidance.scale
+        if guidance.scale_end is not None:
+            scale += progress * (guidance.scale_end - scale)
         gradient, record = sds_gradient(  # eq. 1 and 3
-            self.prior, x, text, negative, t, noise, guidance.scale, self.prior.encode_geometry(image.geometry())
+            self.prior, x, text, negative, t, noise, scale, self.prior.encode_geometry(image.geometry())
         )
         clock("guidance")
         self.optimizer.zero_grad(set_to_none=True)
@@ -134,6 +147,8 @@ class Painter:
         if regularization.requires_grad:
             roots, seeds = [x, regularization], [gradient, torch.ones_like(regularization)]
         torch.autograd.backward(roots, seeds)
+        if texels.grad is not None:
+            self.support += texels.grad.abs().sum(-1)
         clock("backward")
         norm = self._update()
         clock("optimiser")
@@ -201,6 +216,7 @@ class Painter:
             "field": self.field.state_dict(),
             "optimizer": self.optimizer.state_dict()["state"],
             "streams": self.streams.state_dict(),
+            "support": self.support,
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -208,6 +224,7 @@ class Painter:
         self.field.load_state_dict(state["field"])
         self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state["optimizer"]})
         self.streams.load_state_dict(state["streams"])
+        self.support.copy_(state["support"])
 
 
 class _Clock:

@@ -46,11 +46,14 @@ def view_directions(count: int = 64, elevation_deg: tuple[float, float] = (-60.0
 
 
 @torch.no_grad()
-def seen(mesh: Mesh, geometry: Geometry, size: int, directions: Tensor | None = None, radius: float = 3.25) -> Tensor:
-    """(layers, size, size) bool: covered texels that take part in what some camera sees, from either side of the face.
+def exposure(
+    mesh: Mesh, geometry: Geometry, size: int, directions: Tensor | None = None, radius: float = 3.25
+) -> Tensor:
+    """(layers, size, size) how much cameras all round see of each covered texel, from either side of the face.
 
-    Each texel of a 2 x 2 block tries one quarter of the directions, a run of consecutive ones, and covered neighbours
-    of a seen texel count as seen: filtering reads them.
+    The mean over cameras of the cosine between the face's normal and the way to the camera, 0 where it is hidden:
+    about 0.25 in the open, near 0 in a fold. Each texel of a 2 x 2 block tries one quarter of the directions, a run of
+    consecutive ones, and the covered texels around are averaged in.
 
     Args:
         directions: (k, 3) unit directions from the origin to the cameras; :func:`view_directions` where None.
@@ -64,16 +67,26 @@ def seen(mesh: Mesh, geometry: Geometry, size: int, directions: Tensor | None = 
     _, row, column = covered.nonzero(as_tuple=True)
     turn = 2 * (row % 2) + column % 2
     eyes = radius * (view_directions() if directions is None else directions).to(geometry.device)
-    visible = torch.zeros(len(faces), dtype=torch.bool, device=geometry.device)
+    total = torch.zeros(len(faces), device=geometry.device)
     for index, eye in enumerate(eyes):
-        (left,) = (~visible & (turn == 4 * index // len(eyes))).nonzero(as_tuple=True)
-        toward = eye - position[left]
-        side = torch.where((normal[left] * toward).sum(-1, keepdim=True) < 0, -1.0, 1.0)
-        hits = cast(geometry, position[left] + _LIFT * side * normal[left], toward)
-        visible[left] = hits.distance >= 1
-    out = torch.zeros(covered.shape, device=geometry.device)
-    out[covered] = visible.float()
-    return covered & (F.max_pool2d(out[:, None], 3, stride=1, padding=1)[:, 0] > 0)
+        (mine,) = (turn == 4 * index // len(eyes)).nonzero(as_tuple=True)
+        toward = eye - position[mine]
+        cosine = (normal[mine] * F.normalize(toward, dim=-1)).sum(-1)
+        side = torch.where(cosine < 0, -1.0, 1.0)
+        hits = cast(geometry, position[mine] + _LIFT * side[:, None] * normal[mine], toward)
+        total[mine] += cosine.abs() * (hits.distance >= 1)
+    out, weight = (torch.zeros(covered.shape, device=geometry.device) for _ in range(2))
+    out[covered], weight[covered] = total * (4 / len(eyes)), 1.0
+    around = F.avg_pool2d(torch.stack([out, weight], 1), 3, stride=1, padding=1)
+    return torch.where(covered, around[:, 0] / around[:, 1].clamp_min(1e-9), 0.0)
+
+
+def seen(mesh: Mesh, geometry: Geometry, size: int, directions: Tensor | None = None, radius: float = 3.25) -> Tensor:
+    """(layers, size, size) bool: covered texels that take part in what some camera sees, see :func:`exposure`.
+
+    Covered neighbours of a seen texel count as seen: filtering reads them.
+    """
+    return exposure(mesh, geometry, size, directions, radius) > 0
 
 
 def _rasterized(mesh: Mesh, geometry: Geometry, size: int) -> tuple[Tensor, Tensor]:

@@ -78,7 +78,7 @@ class DCPBR(TextureField):
             config.widths,
             config.skip_widths,
             generator,
-            autocast=config.precision == "bfloat16",
+            precision=config.precision,
         )
         noise = torch.randn(layers, config.input_channels, config.size, config.size, generator=generator)
         noise = (noise - noise.mean((2, 3), keepdim=True)) / noise.std((2, 3), keepdim=True)

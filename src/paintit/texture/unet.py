@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from paintit.device import native_bfloat16
 from paintit.errors import UsageError
 
 #: Slope of every LeakyReLU for negative values.
@@ -142,7 +143,8 @@ class UNet(nn.Module):
         widths: channels at each level, finest first.
         skip_widths: channels of the 1x1 skip connection at each level; 0 for none (supp. B.2).
         generator: the only source of the initial weights.
-        autocast: compute in bfloat16, keeping weights, statistics and output in float32.
+        precision: ``float32``; ``bfloat16`` computes in it, keeping weights, statistics and output in float32; ``auto``
+            takes bfloat16 where the device has it.
 
     Raises:
         UsageError: widths that do not describe a network.
@@ -156,7 +158,7 @@ class UNet(nn.Module):
         skip_widths: Sequence[int],
         generator: torch.Generator,
         *,
-        autocast: bool = False,
+        precision: str = "float32",
     ) -> None:
         super().__init__()
         if not widths or min(widths) < 1:
@@ -169,7 +171,7 @@ class UNet(nn.Module):
             )
         if input_channels < 1:
             raise UsageError("texture.input_channels", f"the noise has {input_channels} channels", "give 1 or more")
-        self.autocast = autocast
+        self.precision = precision
         inputs = [input_channels, *widths[:-1]]
         coarser = [*widths[1:], widths[-1]]
         self.levels = nn.ModuleList(
@@ -185,7 +187,8 @@ class UNet(nn.Module):
         return torch.cat([self._one(sample) for sample in noise.split(1)])
 
     def _one(self, noise: Tensor) -> Tensor:
-        with torch.autocast(noise.device.type, torch.bfloat16, enabled=self.autocast):
+        low = self.precision == "bfloat16" or (self.precision == "auto" and native_bfloat16(noise.device))
+        with torch.autocast(noise.device.type, torch.bfloat16, enabled=low):
             x = noise.contiguous(memory_format=torch.channels_last)
             levels = [level for level in self.levels if isinstance(level, Level)]
             inputs = []

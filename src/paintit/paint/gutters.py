@@ -1,0 +1,33 @@
+"""Between the islands of the UV layout: during painting as in the exported file."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+
+from paintit.mesh.mesh import Mesh
+from paintit.mesh.uv import nearest_covered, rasterize_uv
+from paintit.texture.maps import TextureMaps
+
+
+class Gutters:
+    """Gives texels outside the islands the value of the nearest texel inside, differentiably.
+
+    A mip level averages over an island's edge. Without this, what the network leaves in the gutters, where nothing is
+    ever asked of it, would bleed into every view that is painted, and an edge would learn to make up for it: the seam
+    then shows in the exported file, whose gutters are filled.
+
+    Args:
+        mesh: with texture coordinates.
+        size: texels along each side.
+        device: where the maps are.
+    """
+
+    def __init__(self, mesh: Mesh, size: int, device: torch.device) -> None:
+        covered = rasterize_uv(mesh, size).covered
+        self._nearest = torch.from_numpy(nearest_covered(covered)).to(device)
+
+    def __call__(self, maps: TextureMaps) -> TextureMaps:
+        packed = maps.packed()
+        # embedding, not indexing: its backward pass is deterministic on the CPU whatever the thread count.
+        return TextureMaps.unpacked(F.embedding(self._nearest, packed.reshape(-1, packed.shape[-1])))
