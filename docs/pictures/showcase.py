@@ -24,8 +24,8 @@ OUT = ROOT / "outputs" / "showcase"
 SHEET = ROOT / "docs" / "img" / "showcase.png"
 #: Name -> mesh file, prompt, azimuth of the picture in degrees.
 PAINTS = {
-    "spot": ("spot/spot.obj", "a brown and white dairy cow with short fur", 35),
-    "bob": ("bob/bob.obj", "an inflatable rubber duck swim ring, glossy vinyl", 125),
+    "spot": ("spot/spot.obj", "a brown and white dairy cow with short fur", 215),
+    "bob": ("bob/bob.obj", "an inflatable rubber duck swim ring, glossy vinyl", 330),
     "koala": ("koala.ply", "a koala with thick grey fur", 35),
     "wingnut": ("wingnut.stl", "a rusty steel wing nut", 35),
     "teapot": ("teapot/teapot.obj", "a blue and white porcelain teapot", 35),
@@ -34,7 +34,7 @@ PAINTS = {
     "flight_helmet": (
         "flight_helmet.glb", "a 1930s leather flight helmet with brass goggles on a wooden stand", 35,
     ),
-    "spot_quads": ("spot_quads.obj", "a carved wooden toy cow", 35),
+    "spot_quads": ("spot_quads.obj", "a carved wooden toy cow", 215),
 }  # fmt: skip
 
 
@@ -62,13 +62,13 @@ def paint(name: str, extra: list[str]) -> dict[str, object]:
             "errors": issues["numErrors"], "warnings": issues["numWarnings"], "materials": materials}  # fmt: skip
 
 
-def compose(results: dict[str, dict[str, object]], size: int = 384, columns: int = 3) -> Image.Image:
+def compose(names: list[str], size: int = 384, columns: int = 3) -> Image.Image:
     """The Blender renders in a grid, each with its prompt below."""
     band = 30
-    rows = -(-len(results) // columns)
+    rows = -(-len(names) // columns)
     sheet = Image.new("RGB", (columns * size, rows * (size + band)), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
-    for i, name in enumerate(results):
+    for i, name in enumerate(names):
         x, y = i % columns * size, i // columns * (size + band)
         sheet.paste(Image.open(OUT / f"{name}.png").convert("RGB").resize((size, size)), (x, y))
         words, lines = PAINTS[name][1].split(), [""]
@@ -86,17 +86,14 @@ def main() -> None:
     parser.add_argument("--sheet-only", action="store_true", help="compose from what is there")
     options, extra = parser.parse_known_args()
     OUT.mkdir(parents=True, exist_ok=True)
-    table = OUT / "results.json"
-    results = json.loads(table.read_text()) if table.exists() else {}
     for name in [] if options.sheet_only else options.only:
-        results[name] = paint(name, extra)
-        table.write_text(json.dumps(results, indent=1))
-        found = results[name]
+        found = paint(name, extra)
+        (OUT / f"{name}.json").write_text(json.dumps(found, indent=1))
         print(f"{name:14} paint {found['paint_seconds']:6} s, all {found['wall_seconds']:6} s, "
               f"validator {found['errors']} errors {found['warnings']} warnings, "
               f"{len(found['materials'])} materials in Blender", flush=True)  # fmt: skip
     SHEET.parent.mkdir(parents=True, exist_ok=True)
-    compose({name: results[name] for name in PAINTS if name in results}).save(SHEET, optimize=True)
+    compose([name for name in PAINTS if (OUT / f"{name}.json").exists()]).save(SHEET, optimize=True)
     print(SHEET)
 
 

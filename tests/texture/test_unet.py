@@ -133,7 +133,7 @@ def test_evaluation_is_the_same_as_training() -> None:
 
 
 def test_bfloat16_is_near_and_returns_float32() -> None:
-    exact, coarse = small()(noise()), small(autocast=True)(noise())
+    exact, coarse = small()(noise()), small(precision="bfloat16")(noise())
     assert coarse.dtype == torch.float32
     assert not torch.equal(exact, coarse)
     assert (exact - coarse).norm() / exact.norm() < 0.05
