@@ -109,7 +109,8 @@ def test_a_field_of_the_record_is_not_renamed_by_accident() -> None:
     assert records.SCHEMA == "paintit.run/1"
     assert [field.name for field in dataclasses.fields(Record)] == [
         "schema", "state", "outcome", "step", "steps", "asset", "prompt", "prompts", "command", "started", "ended",
-        "seconds", "peak_memory", "seed", "device", "device_reason", "input", "prior", "versions", "config", "notes",
+        "seconds", "peak_memory", "seed", "device", "device_reason", "input", "prior", "light", "versions", "config",
+        "notes",
     ]  # fmt: skip
 
 
@@ -327,3 +328,14 @@ def test_absolute_paths_are_cut_to_their_names() -> None:
 def test_times_are_utc() -> None:
     assert records.now().endswith("+00:00")
     assert records.now()[:4] == time.strftime("%Y", time.gmtime())
+
+
+def test_overwriting_keeps_the_old_asset_until_the_new_one_is_whole(mesh: Path) -> None:
+    run(job_for(mesh, "twice"))
+    asset = mesh.parent / "twice" / "painted.glb"
+    old = asset.read_bytes()
+    request = dataclasses.replace(request_for(mesh, "twice", merge(CONFIG, {"seed": 5})), overwrite=True)
+    seen: list[bool] = []
+    run(prepare(request, ExactPrior()), on_step=lambda _: seen.append(asset.read_bytes() == old))
+    assert seen == [True] * STEPS
+    assert asset.read_bytes() != old

@@ -15,11 +15,11 @@ from pathlib import Path
 import bpy
 from mathutils import Vector
 
-LIGHT = Path(__file__).parents[2] / "assets" / "envmaps" / "st_fagans_interior_512.hdr"
+LIGHT = Path(__file__).parents[2] / "assets" / "envmaps" / "mud_road_puresky_512.hdr"
 
 
 def inventory() -> dict[str, dict[str, str]]:
-    """Per material used by a mesh: which image feeds which input of its Principled BSDF, with the image's colour space."""
+    """Per material used by a mesh: which image feeds which input of its Principled BSDF, with its colour space."""
     found: dict[str, dict[str, str]] = {}
     materials = {
         slot.material for o in bpy.data.objects if o.type == "MESH" for slot in o.material_slots if slot.material
@@ -109,7 +109,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=48)
     parser.add_argument("--azimuth", type=float, default=35.0)
     parser.add_argument("--elevation", type=float, default=15.0)
-    parser.add_argument("--exposure", type=float, default=1.2)
+    parser.add_argument("--exposure", type=float, default=1.9)
     options = parser.parse_args()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(options.glb.resolve()))

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import torch
 
@@ -21,15 +21,13 @@ from paintit.export.preview import preview
 from paintit.export.write import write
 from paintit.guidance.prior import Prior
 from paintit.mesh.mesh import Mesh
-from paintit.mesh.read import read_mesh
+from paintit.mesh.read import Unwrap, read_mesh
 from paintit.paint.painter import Painter, Step
 from paintit.settings import validate
 from paintit.texture.maps import TextureMaps
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-Unwrap = Literal["auto", "always", "never"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,8 @@ class PaintResult:
         return dataclasses.replace(self, maps=finish(self.mesh, self.maps, self.support))
 
     def export(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the painted mesh; the format follows the extension: .glb, .gltf, .obj, or a folder of PNG maps.
+        """Write the painted mesh; the format follows the extension: .glb, .gltf, .obj, a folder of PNG maps, or a
+        picture (.png) or turntable (.webp).
 
         Raises:
             OutputError: it exists already, or cannot be written.
@@ -158,8 +157,8 @@ def result_of(
         "version": __version__,
     }
     return PaintResult(
-        painter.mesh, maps, painter.config, prompt, painter.support.cpu(), history, seconds, peak_memory(painter.device),
-        f"{word} after {painter.step} of {painter.total} steps", metadata,
+        painter.mesh, maps, painter.config, prompt, painter.support.cpu(), history, seconds,
+        peak_memory(painter.device), f"{word} after {painter.step} of {painter.total} steps", metadata,
     )  # fmt: skip
 
 

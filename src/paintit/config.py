@@ -12,8 +12,13 @@ from typing import Any, Literal
 
 from paintit.errors import UsageError
 
-#: How an open choice (None in Python) is written in TOML and on the command line.
-RANDOM = "random"
+#: How None is written in TOML and on the command line: ``light.rotation`` is then random, everything else is left out.
+RANDOM, NONE = "random", "none"
+
+
+def word_for_none(name: str) -> str:
+    """The word that stands for None in the setting ``name``, dotted or bare."""
+    return RANDOM if name.rpartition(".")[2] == "rotation" else NONE
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class LightConfig:
     path: str = "default"
     """``default`` (the map in the package) or an .hdr or .exr file, latitude-longitude."""
     rotation: float | None = None
-    """Degrees about the vertical axis; none: a random one at every step."""
+    """Degrees about the vertical axis; ``random``: another at every step (None in Python)."""
     exposure: float = 0.7
     """Mean radiance that a white diffuse sphere shows under the light; 0 keeps the file's own values."""
 
@@ -92,7 +97,7 @@ class ViewConfig:
     background: float = 0.25
     """Linear grey behind the mesh."""
     focus: tuple[FocusConfig, ...] = ()
-    """Focus regions."""
+    """Places that half of the views look at closely, in the file's own units; may be repeated."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,7 @@ class GuidanceConfig:
     scale: float = 101.0
     """s in uncond + s (cond - uncond). The official 100 is written cond + s (cond - uncond), which is 101 here."""
     scale_end: float | None = None
-    """s at the last step, reached linearly; none: constant, as published."""
+    """s at the last step, reached linearly; ``none``: constant, as published (None in Python)."""
     schedule: Literal["paper", "official"] = "paper"
     """How the timestep range narrows: ``paper`` linearly, ``official`` by the square root of progress."""
     t_start: tuple[float, float] = (0.2, 0.98)
@@ -138,8 +143,9 @@ class OptimConfig:
     lr: float = 5e-4
     """Learning rate."""
     decay: float = 0.9
-    """The learning rate is multiplied by this every ``decay_every`` steps."""
+    """The learning rate is multiplied by this now and then."""
     decay_every: int = 100
+    """Steps between two such multiplications."""
     clip: float = 10.0
     """Largest gradient norm; 0 for no clipping."""
 
@@ -157,6 +163,7 @@ class PaintConfig:
     unwrap: Literal["auto", "always", "never"] = "auto"
     """``auto`` keeps the mesh's own UVs whenever they can be painted on."""
     seed: int = 0
+    """Decides every random number."""
     device: str = "auto"
     """``auto``, ``cpu``, ``cuda``, ``cuda:N`` or ``mps``."""
     dtype: Literal["auto", "float32", "bfloat16", "float16"] = "auto"
@@ -196,17 +203,17 @@ def preset(name: str) -> PaintConfig:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """Nested plain dict of a config: tuples become lists, an open choice (``None``) becomes ``"random"``.
+    """Nested plain dict of a config: tuples become lists, ``None`` becomes its word (:func:`word_for_none`).
 
     ``settings.from_dict(to_dict(config), base) == config`` for every base.
     """
-    return {f.name: plain(getattr(config, f.name)) for f in dataclasses.fields(config)}
+    return {f.name: plain(getattr(config, f.name), f.name) for f in dataclasses.fields(config)}
 
 
-def plain(value: Any) -> Any:
-    """One value as TOML and JSON can hold it."""
+def plain(value: Any, name: str = "") -> Any:
+    """The value of the setting ``name`` as TOML and JSON can hold it."""
     if dataclasses.is_dataclass(value):
         return to_dict(value)
     if isinstance(value, tuple):
         return [plain(v) for v in value]
-    return RANDOM if value is None else value
+    return word_for_none(name) if value is None else value

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from paintit.config import POCKET, RANDOM, FocusConfig, PaintConfig, TextureConfig, plain, preset, to_dict
+from paintit.config import POCKET, FocusConfig, PaintConfig, TextureConfig, plain, preset, to_dict, word_for_none
 from paintit.errors import UsageError
 
 
@@ -132,7 +132,7 @@ def _merge(base: Any, data: Any, prefix: str) -> Any:
 
 
 def _typed(value: Any, hint: Any, name: str) -> Any:
-    """``value`` as the annotated type; only harmless changes: int to float, list to tuple, ``"random"`` to None."""
+    """``value`` as the annotated type; only harmless changes: int to float, list to tuple, the word for None to it."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Literal:
         if value in inner:
@@ -144,7 +144,7 @@ def _typed(value: Any, hint: Any, name: str) -> Any:
             f"did you mean {near!r}?" if near else f"choose one of {', '.join(map(str, inner))}",
         )
     if origin in (Union, UnionType):
-        if value is None or value == RANDOM:
+        if value is None or value == word_for_none(name):
             return None
         return _typed(value, next(t for t in inner if t is not type(None)), name)
     if origin is tuple:

@@ -12,6 +12,7 @@ import torch
 from paintit.config import FocusConfig, ViewConfig
 from paintit.mesh.read import read_mesh
 from paintit.paint.views import ViewSampler
+from paintit.render.camera import look_at
 from paintit.rng import Streams
 
 
@@ -88,3 +89,13 @@ def test_the_mesh_far_from_the_origin_is_seen_alike(spot):
     for a, b in zip(near, there, strict=True):
         torch.testing.assert_close(a.cameras.eye, b.cameras.eye, atol=1e-4, rtol=0)
         assert math.isclose(a.cameras.fov, b.cameras.fov)
+
+
+@pytest.mark.parametrize("elevation", [90.0, -90.0])
+def test_straight_from_above_and_below_is_the_limit_of_almost(elevation):
+    azimuth = torch.tensor([0.0, 1.0, 4.0])
+    almost, exactly = (
+        look_at(azimuth, torch.full((3,), math.radians(e)), 3.25, 0.8) for e in (elevation * 0.9995, elevation)
+    )
+    for a, b in zip(almost.frame(), exactly.frame(), strict=True):
+        torch.testing.assert_close(a, b, atol=2e-3, rtol=0)

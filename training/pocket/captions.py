@@ -385,7 +385,9 @@ FIGURE_FORMS = (
 
 
 #: Colours that coats come in.
-COAT_COLORS = tuple((name, COLORS[name]) for name in ("brown", "black", "grey", "red", "tan", "white", "cream", "orange", "dark brown"))
+COAT_COLORS = tuple(
+    (name, COLORS[name]) for name in ("brown", "black", "grey", "red", "tan", "white", "cream", "orange", "dark brown")
+)
 
 
 def _natural(color: str, animal: str, value: Color) -> Color:
@@ -701,16 +703,26 @@ SUFFIXES = (
 
 def _patterned_caption(rng: Rng) -> tuple[str, Material]:
     """Painted porcelain and other things known by their pattern, and rusty hardware."""
-    name = pick(rng, ("blue and white porcelain", "blue and white porcelain", "camouflage", "plaid fabric", "rust", "leather"))
+    name = pick(
+        rng, ("blue and white porcelain", "blue and white porcelain", "camouflage", "plaid fabric", "rust", "leather")
+    )
     if name == "rust":
         form, material = _rusty_phrase(rng)[1:]
-        noun = pick(rng, ("bolt", "nut", "wing nut", "screw", "key", "gear", "anchor", "wrench", "hinge", "valve", "pipe", "chain"))
+        noun = pick(
+            rng,
+            ("bolt", "nut", "wing nut", "screw", "key", "gear", "anchor", "wrench", "hinge", "valve", "pipe", "chain"),
+        )
     elif name == "leather":
         _, form2, second = _metal_phrase(rng)
-        form, material = pick(rng, ("leather", "brown leather", "old leather", "worn leather", "1930s leather", "vintage leather")), None
+        form, material = (
+            pick(rng, ("leather", "brown leather", "old leather", "worn leather", "1930s leather", "vintage leather")),
+            None,
+        )
         material = _over(_kind_material(TINTED["leather"], rng), second, "accent")
-        noun = pick(rng, ("helmet", "flight helmet", "aviator cap", "cap", "hat", "bag")) + f" with {form2} " + pick(
-            rng, ("goggles", "buckles", "buttons", "rivets", "details")
+        noun = (
+            pick(rng, ("helmet", "flight helmet", "aviator cap", "cap", "hat", "bag"))
+            + f" with {form2} "
+            + pick(rng, ("goggles", "buckles", "buttons", "rivets", "details"))
         )
         if rng.random() < 0.4:
             stand = _kind_material(NATURAL["wood"], rng)
@@ -723,7 +735,10 @@ def _patterned_caption(rng: Rng) -> tuple[str, Material]:
 
 def _focus_caption(rng: Rng) -> tuple[str, Material]:
     """What people paint first and the plain mixture shows too rarely: animals, people, inflatables, painted porcelain, rust."""
-    return pick(rng, (_animal_caption, _animal_caption, _animal_caption, _person_caption, _inflatable_caption, _patterned_caption))(rng)
+    return pick(
+        rng,
+        (_animal_caption, _animal_caption, _animal_caption, _person_caption, _inflatable_caption, _patterned_caption),
+    )(rng)
 
 
 def random_caption(rng: Rng, archetype: str, focus: float = 0.0) -> tuple[str, Material]:

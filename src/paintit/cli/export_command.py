@@ -13,7 +13,9 @@ from paintit.cli.console import Console, Result
 from paintit.cli.parse import parse
 from paintit.errors import UsageError
 
-ABOUT = """Write a run or a painted asset as GLB, glTF, OBJ or a folder of PNG maps, by the extension of -o.
+ABOUT = """Write a run or a painted asset as GLB, glTF, OBJ, a folder of PNG maps, a picture or a turntable.
+
+The extension of -o says which.
 
 Examples:  paintit export chair.glb -o chair.obj
            paintit export outputs/chair/2026-11-22T14-30-12 -o maps/
@@ -28,7 +30,7 @@ class ExportArguments:
     path: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="PATH", help_behavior_hint="")] = None
     """Run folder, or painted GLB or glTF."""
     output: Annotated[str | None, tyro.conf.arg(aliases=["-o"], metavar="PATH", help_behavior_hint="")] = None
-    """File (.glb, .gltf, .obj) or folder of PNG maps."""
+    """Asset (.glb, .gltf, .obj), folder of PNG maps, picture of four views (.png) or turntable (.webp)."""
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace what is there."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,13 +60,16 @@ def _record_rows(record: Record) -> list[tuple[str, str]]:
         ("sent to the prior", "\n".join(repr(text) for text in record.prompts)),
         ("mesh", f"{asset.get('name')}, {asset.get('faces')} faces, sha256 {str(asset.get('sha256'))[:12]}"),
         ("asset", record.asset),
-        ("prior", " ".join(str(record.prior.get(key, "")) for key in ("id", "revision", "licence"))),
+        (
+            "prior",
+            " ".join(str(record.prior.get(key, ""))[:n] for key, n in (("id", 80), ("revision", 12), ("licence", 80))),
+        ),
         ("seed", str(record.seed)),
         ("device", f"{record.device} ({record.device_reason})"),
         ("time", f"{record.seconds:.1f} s, started {record.started}"),
         ("peak memory", size_text(record.peak_memory)),
         ("versions", ", ".join(f"{name} {number}" for name, number in record.versions.items())),
-        ("command", " ".join(record.command)),
+        ("command", shlex.join(record.command)),
         ("notes", "\n".join(record.notes) or "none"),
     ]
 
@@ -86,10 +90,11 @@ def _mesh(path: Path) -> Result:
     document = mesh.source.document if mesh.source is not None else None
     if isinstance(document, GltfDocument):
         data["materials"] = materials(document.json)
-        rows += [("material", f"{m['name']}: {', '.join(m['textures']) or 'no textures'}") for m in data["materials"]]
+        lines = [f"{m['name']}: {', '.join(m['textures']) or 'no textures'}" for m in data["materials"]]
+        rows.append(("materials", "\n".join(lines) or "none"))
         if metadata := document.json.get("asset", {}).get("extras"):
             data["metadata"] = metadata
-            rows.append(("metadata", str(metadata)))
+            rows.append(("metadata", _metadata_text(metadata)))
     return Result(table(rows), data)
 
 
@@ -108,15 +113,25 @@ def _mesh_rows(summary: MeshSummary, own: UVQuality) -> list[tuple[str, str]]:
     if own.has_uvs:
         rows.append(("", _uv_line(own)))
     if summary.uv_origin != "file":
-        rows.append(("UVs when painted", f"unwrapped: {_uv_line(summary.uv)}"))
+        rows.append(("UVs made by unwrapping", _uv_line(summary.uv)))
     return [*rows, ("notes", "\n".join(summary.notes) or "none")]
 
 
 def _uv_line(uv: UVQuality) -> str:
+    shared = "no overlap" if uv.overlap < 1.0005 else f"{uv.overlap:.3f} faces to a covered texel (overlap)"
     return (
-        f"{uv.islands} islands, overlap {uv.overlap:.3f}, coverage {uv.coverage:.1%}, {uv.outside_unit:.1%} of corners "
-        f"outside [0, 1], {uv.mirrored_share:.1%} mirrored, {uv.texel_density:.4g} texels per unit at {uv.resolution}"
+        f"{uv.islands} islands on {uv.coverage:.1%} of the square, {shared}\n"
+        f"{uv.outside_unit:.1%} of corners outside [0, 1], {uv.mirrored_share:.1%} of the area mirrored\n"
+        f"{uv.texel_density:.4g} texels per unit of length at {uv.resolution} x {uv.resolution}"
     )
+
+
+def _metadata_text(metadata: Any) -> str:
+    """The document's extras; what paintit wrote as one line for each entry."""
+    ours = metadata.get("paintit") if isinstance(metadata, dict) else None
+    if not isinstance(ours, dict) or len(metadata) > 1:
+        return str(metadata)
+    return "\n".join(f"{key.replace('_', ' ')}: {value}" for key, value in ours.items())
 
 
 def _point(values: tuple[float, float, float]) -> str:

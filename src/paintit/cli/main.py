@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from paintit._version import __version__
-from paintit.cli.console import Console
+from paintit.cli.console import Console, Result
 from paintit.cli.globals import Globals, split_globals
 from paintit.errors import PaintitError, UsageError
 
@@ -45,8 +45,7 @@ flags of every command:
   --no-color      plain text (NO_COLOR is respected too)
 
 example:
-  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o chair.glb
-"""
+  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o chair.glb"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -65,11 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _dispatch(arguments: list[str], settings: Globals, console: Console) -> int:
     if settings.version:
-        print(__version__, file=console.out)
+        console.result("version", Result(__version__, {"version": __version__}))
         return 0
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         lines = "\n".join(f"  {name:<9} {about}" for name, about in COMMANDS.items())
-        print(HELP.format(commands=lines), file=console.out, end="")
+        console.result("help", Result(HELP.format(commands=lines), {"commands": COMMANDS}))
         return 0
     command = arguments[0]
     try:

@@ -25,7 +25,7 @@ from tyro.constructors import (
 
 from paintit import config
 from paintit.cli.globals import GLOBAL_FLAGS
-from paintit.config import RANDOM, FocusConfig, PaintConfig
+from paintit.config import NONE, RANDOM, FocusConfig, PaintConfig
 from paintit.errors import UsageError
 from paintit.settings import nearest
 
@@ -72,15 +72,24 @@ _FOCUS = PrimitiveConstructorSpec(
     is_instance=lambda value: isinstance(value, tuple),
     str_from_instance=lambda regions: [_focus_text(region) for region in regions],
 )
-_ROTATION = PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="DEGREES|random",
-    instance_from_str=lambda texts: None if texts[0] == RANDOM else float(texts[0]),
-    is_instance=lambda value: value is None or isinstance(value, (int, float)),
-    str_from_instance=lambda value: [RANDOM if value is None else f"{value:g}"],
-)
+
+
+def _number_or(word: str, unit: str) -> PrimitiveConstructorSpec[float | None]:
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"{unit}|{word}",
+        instance_from_str=lambda texts: None if texts[0] == word else float(texts[0]),
+        is_instance=lambda value: value is None or isinstance(value, (int, float)),
+        str_from_instance=lambda value: [word if value is None else f"{value:g}"],
+    )
+
+
 #: Settings that no built-in rule of tyro reads as we write them.
-_SPECS: dict[str, Any] = {"views.focus": _FOCUS, "light.rotation": _ROTATION}
+_SPECS: dict[str, Any] = {
+    "views.focus": _FOCUS,
+    "light.rotation": _number_or(RANDOM, "DEGREES"),
+    "guidance.scale_end": _number_or(NONE, "FLOAT"),
+}
 
 
 def _registry() -> ConstructorRegistry:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from paintit.cli.console import Console, Result, table
 from paintit.cli.parse import parse
 from paintit.errors import UsageError
+
+if TYPE_CHECKING:
+    from paintit.guidance.load import PriorInfo
 
 ABOUT = """List the diffusion priors that have a short name, or show one.
 
@@ -38,13 +41,18 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     if given.action == "list":
         if given.name is not None:
             raise UsageError("usage.extra_argument", f"unexpected argument '{given.name}'", "write: priors show NAME")
-        text = table([(name, f"{info.note}; {info.licence}") for name, info in KNOWN.items()])
+        text = table([(name, f"{info.note}; {info.licence}; {_download(info)}") for name, info in KNOWN.items()])
         return Result(text, {"priors": [_entry(info) for info in KNOWN.values()]})
     if given.name is None:
         raise UsageError("usage.no_name", "no prior is named", f"known: {', '.join(KNOWN)}")
     entry = _entry(prior_info(given.name))
-    return Result(table([(key.replace("_", " "), str(value)) for key, value in entry.items()]), entry)
+    rows = [(key, str(value)) for key, value in entry.items() if key != "size_mb"]
+    return Result(table([*rows, ("download", _download(prior_info(given.name)))]), entry)
 
 
-def _entry(info: Any) -> dict[str, Any]:
+def _download(info: PriorInfo) -> str:
+    return f"{info.size_mb / 1000:.1f} GB to download" if info.size_mb else "nothing to download"
+
+
+def _entry(info: PriorInfo) -> dict[str, Any]:
     return dataclasses.asdict(info)

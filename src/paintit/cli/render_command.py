@@ -59,7 +59,7 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     check_range("--elevation", given.elevation, -89.9, 89.9)
     check_range("--azimuth", given.azimuth, -720, 720)
     check_range("--rotation", given.rotation, -720, 720)
-    target = Path(given.output or Path(given.path).with_suffix(".png").name)
+    target = Path(given.output or f"{Path(given.path).resolve().stem or 'render'}.png")
     if target.suffix.lower() not in (".png", ".webp"):
         raise UsageError("output.format", f"cannot write a picture as '{target.name}'", "end it with .png or .webp")
     from paintit.export.preview import sheet, write_turntable

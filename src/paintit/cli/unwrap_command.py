@@ -36,6 +36,14 @@ _ROWS = {
     "texel_density": "{:.4g}",
     "density_spread": "{:.2f}",
 }
+#: What a row is called where the field's name would mislead.
+_LABELS = {
+    "overlap": "faces to a covered texel",
+    "outside_unit": "corners outside [0, 1]",
+    "mirrored_share": "mirrored area",
+    "texel_density": "texels per unit at 512",
+    "density_spread": "density, 95th / 5th %",
+}
 
 
 @dataclass(frozen=True)
@@ -91,10 +99,12 @@ def quality(measured: UVQuality) -> dict[str, Any]:
 
 def comparison(before: UVQuality, after: UVQuality) -> str:
     """Before and after in two columns."""
-    lines = [f"{'':<16}  {'before':>10}  {'after':>10}"]
+    lines = [f"{'':<24}  {'before':>10}  {'after':>10}"]
     for name, form in _ROWS.items():
         old = form.format(getattr(before, name)) if before.has_uvs else "-"
-        lines.append(f"{name.replace('_', ' '):<16}  {old:>10}  {form.format(getattr(after, name)):>10}")
+        lines.append(
+            f"{_LABELS.get(name, name.replace('_', ' ')):<24}  {old:>10}  {form.format(getattr(after, name)):>10}"
+        )
     return "\n".join([*lines, f"before: {before.reason}", f"after: {after.reason}"])
 
 

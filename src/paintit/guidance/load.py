@@ -68,7 +68,14 @@ KNOWN: dict[str, PriorInfo] = {
 }
 """Short name -> what stands behind it. The hub's ids are mirrors: the first publishers withdrew theirs."""
 
+
 _HUB_ID = re.compile(r"[\w.-]+/[\w.-]+")
+
+
+def known_prior(name: str) -> PriorInfo | None:
+    """The entry of a short name or of the hub id behind it; None for anything else."""
+    by_source = {info.source: info for info in KNOWN.values() if info.size_mb}
+    return KNOWN.get(name) or by_source.get(name)
 
 
 def prior_info(name: str) -> PriorInfo:
@@ -100,7 +107,7 @@ def load_prior(
         from paintit.guidance.pocket import PocketPrior
 
         return PocketPrior.load(device=device, dtype=dtype)
-    known = KNOWN.get(name)
+    known = known_prior(name)
     if known is None:
         path = Path(name).expanduser()
         if path.is_file():

@@ -11,9 +11,10 @@ from torch import Tensor
 #: Channels a renderer can hand to a prior, each (n, h, w, c), encoded for display where they are colours:
 #: ``shaded`` (3, sRGB-coded), ``base_color`` (3, sRGB-coded), ``roughness`` (1), ``metallic`` (1), all in [0, 1].
 ReadChannel = Literal["shaded", "base_color", "roughness", "metallic"]
-#: Geometry channels that may condition it: ``normal`` (3, view space, in [-1, 1], x right, y up, z toward the camera,
-#: zero where nothing is hit), ``depth`` (1, normalised: 1 nearest .. 0 background), ``mask`` (1, coverage in [0, 1]),
-#: ``position`` (3, surface point in normalised space, anything off the mask; only the exact prior asks for it).
+#: Geometry channels that may condition it, each zero where nothing is hit unless said otherwise: ``normal`` (3, view
+#: space, in [-1, 1], x right, y up, z toward the camera), ``depth`` (1, distance along the camera's axis, normalised
+#: space), ``mask`` (1, 1 where the mesh is seen), ``position`` (3, surface point in normalised space; only the exact
+#: prior asks for it).
 SeeChannel = Literal["normal", "depth", "mask", "position"]
 
 

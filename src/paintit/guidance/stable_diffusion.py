@@ -254,6 +254,16 @@ def _require_extra() -> None:
             ) from error
 
 
+def on_this_machine(source: str, revision: str = "") -> bool:
+    """Whether the checkpoint of the hub id ``source`` is whole in the local cache. Nothing is loaded or downloaded."""
+    try:
+        _require_extra()
+        _check(_snapshot(source, revision, False), source)
+    except PriorError:
+        return False
+    return True
+
+
 def _snapshot(source: str, revision: str, allow_download: bool) -> Path:
     """Folder of the hub id ``source`` in the local cache; downloads only where that is allowed."""
     from huggingface_hub import snapshot_download

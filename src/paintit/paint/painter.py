@@ -70,8 +70,8 @@ class Painter:
         profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
 
     Attributes:
-        support: (layers, h, w) how much guidance each texel has had: the sum over steps and channels of the magnitude of its
-            gradient. An exporter takes texels that had next to none from their neighbours.
+        support: (layers, h, w) how much guidance each texel has had: the sum over steps and channels of the magnitude
+            of its gradient. An exporter takes texels that had next to none from their neighbours.
     """
 
     def __init__(

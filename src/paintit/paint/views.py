@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,7 @@ class ViewSampler:
         self._focus = [
             (
                 region.name,
-                tuple(float(x) for x in (np.asarray(region.center) - mesh.center) * scale),
+                _point((np.asarray(region.center) - mesh.center) * scale),
                 region.radius * scale,
             )
             for region in config.focus
@@ -102,8 +103,12 @@ class ViewSampler:
         low, high = map(math.radians, self.config.elevation)
         elevation = (torch.asin(y.clamp(-1, 1)) + uniform(-tilt, tilt, 1, generator)).clamp(low, high)
         distance = self.config.radius * float(uniform(*CLOSE_UP_DISTANCE, 1, generator))
-        target = (float(point[0]), float(point[1]), float(point[2]))
-        return look_at(azimuth, elevation, distance, math.radians(self.config.fov), target)
+        return look_at(azimuth, elevation, distance, math.radians(self.config.fov), _point(point.tolist()))
+
+
+def _point(values: Iterable[float]) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def _concatenate(batches: list[Cameras]) -> Cameras:

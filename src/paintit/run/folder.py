@@ -82,12 +82,14 @@ class RunFolder:
         return [path for path in names if path.exists()]
 
     def clear(self) -> None:
-        """Remove what an earlier run left, and nothing else.
+        """Remove what an earlier run left, and nothing else. Its asset stays until the new one takes its place.
 
         Raises:
             OutputError: the file system refuses.
         """
         for path in self.existing():
+            if path == self.asset:
+                continue
             try:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
             except OSError as error:
@@ -161,7 +163,7 @@ def find(path: Path) -> Path:
     Raises:
         RunError: there is no run.
     """
-    for folder in (path, path.with_suffix(".paintit")):
+    for folder in (path, path.parent / f"{path.stem}.paintit"):
         if (folder / "run.json").is_file():
             return folder
     raise RunError("run.missing", f"{path} is not a run folder: it has no run.json", "give the folder that paint made")
@@ -189,10 +191,12 @@ def locked(folder: RunFolder) -> Iterator[None]:
         os.write(handle, f"{os.getpid()}\n".encode())
         yield
     finally:
-        if sys.platform != "win32":
+        if sys.platform == "win32":  # an open file cannot be removed there
+            os.close(handle)
             folder.lock.unlink(missing_ok=True)
-        os.close(handle)
-        folder.lock.unlink(missing_ok=True) if sys.platform == "win32" else None
+        else:
+            folder.lock.unlink(missing_ok=True)
+            os.close(handle)
 
 
 def _take(path: Path) -> int | None:

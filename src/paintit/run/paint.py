@@ -28,6 +28,7 @@ from paintit.guidance.prior import Prior
 from paintit.mesh.mesh import Mesh
 from paintit.paint import checkpoint
 from paintit.paint.painter import Painter, Step
+from paintit.render.light import load_environment, prefilter
 from paintit.run import record as records
 from paintit.run.folder import RunFolder, check_free, check_writable, find, locked, resolve
 from paintit.run.record import Record
@@ -118,12 +119,13 @@ def require_mesh(request: Request) -> Path:
 def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> Painter:
     config = request.config
     device, _ = choose_device(config.device)
+    environment = load_environment(config.light.path, config.light.exposure)  # before the prior, which may take minutes
     guidance = config.guidance
     prior = prior or load_prior(
         guidance.prior, device=str(device), dtype=config.dtype, revision=guidance.revision,
         allow_download=request.allow_download,
     )  # fmt: skip
-    return Painter(mesh, prompt, config, prior)
+    return Painter(mesh, prompt, config, prior, prefilter(environment, device))
 
 
 def _resume(request: Request, path: Path, prior: Prior | None) -> Job:
@@ -198,13 +200,13 @@ def run(
         start = time.perf_counter()
         try:
             history = [] if job.finished else _paint(job, on_step, stop, checkpoint_every)
+            seconds = record.seconds + time.perf_counter() - start
+            result = api.result_of(job.painter, job.prompt, tuple(history), seconds, stopped=True)
+            done = job.painter.step >= job.painter.total
+            files = _export(job, result) if done else ()
         except BaseException as error:
             _failed(job, record, error, time.perf_counter() - start)
             raise
-        seconds = record.seconds + time.perf_counter() - start
-        result = api.result_of(job.painter, job.prompt, tuple(history), seconds, stopped=True)
-        done = job.painter.step >= job.painter.total
-        files = _export(job, result) if done else ()
         record = dataclasses.replace(
             record, state="finished" if done else "stopped", outcome=result.outcome, step=job.painter.step,
             ended=records.now(), seconds=round(seconds, 3), peak_memory=result.peak_memory,
@@ -246,6 +248,11 @@ def _start(job: Job) -> Record:
             "uvs": mesh.report.uv_origin,
         },
         prior=records.without_folders(dataclasses.asdict(painter.prior.spec)),
+        light={
+            "name": painter.light.name,
+            "sha256": painter.light.sha256,
+            "exposure_factor": painter.light.exposure_factor,
+        },
         versions=records.versions(),
         config=records.without_folders(to_dict(painter.config)),
         notes=mesh.report.notes,
@@ -271,7 +278,9 @@ def _failed(job: Job, record: Record, error: BaseException, seconds: float) -> N
         state, outcome = "stopped", f"interrupted after {job.painter.step} of {job.painter.total} steps"
     else:
         word = str(error) if isinstance(error, PaintitError) else type(error).__name__
-        state, outcome = "failed", f"failed at step {job.painter.step + 1} of {job.painter.total}: {word}"
+        step, total = job.painter.step, job.painter.total
+        where = f"at step {step + 1} of {total}" if step < total else "while the result was written"
+        state, outcome = "failed", f"failed {where}: {word}"
     record = dataclasses.replace(
         record, state=state, outcome=outcome, step=job.painter.step, ended=records.now(),
         seconds=round(record.seconds + seconds, 3),

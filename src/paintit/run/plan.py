@@ -1,4 +1,4 @@
-"""``--dry-run``: everything that a paint would do, found out without painting, loading a large model, or writing."""
+"""``--dry-run``: everything that a paint would do, found out without painting or writing."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any
 
 from paintit import api
 from paintit.config import PaintConfig
-from paintit.device import choose_device
+from paintit.device import choose_device, native_bfloat16
 from paintit.errors import PriorError
-from paintit.guidance.load import KNOWN, load_prior
+from paintit.guidance.load import known_prior, load_prior
 from paintit.guidance.prompt import Prompts
 from paintit.mesh.mesh import Mesh
 from paintit.render.light import load_environment
@@ -16,11 +16,13 @@ from paintit.run.folder import RunFolder, check_free, check_writable, resolve
 from paintit.run.paint import Request, prepare, require_mesh
 from paintit.settings import validate
 
-#: Bytes that Python, torch and the renderer take before the first step, measured on Linux.
-_BASE = 600 << 20
+# An estimate, fitted to peaks of the pocket preset on one Linux machine without a GPU: 785 to 930 MiB at 64 texels,
+# 1000 MiB at 512, 2.2 GiB at 512 with six materials. Other settings are extrapolated.
+#: Bytes that Python, torch, the prior and the renderer take whatever the settings.
+_BASE = 780 << 20
 #: Live arrays for each channel of the U-Net at full size: value, normalisation, activation and their gradients.
-_COPIES = 14
-#: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients.
+_COPIES = 8
+#: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients (a guess).
 _PIXEL_CHANNELS = 260
 
 
@@ -76,11 +78,18 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
 
 
 def _prior(request: Request) -> str:
-    """The prior in words. A large one is not loaded; an unknown one is refused."""
+    """The prior in words. A known large one is not loaded; an unknown one is refused."""
     guidance = request.config.guidance
-    known = KNOWN.get(guidance.prior)
+    known = known_prior(guidance.prior)
     if known is not None and known.size_mb:
-        return f"{known.name}: {known.note} ({known.source}, {known.licence}, {known.size_mb / 1000:.1f} GB)"
+        from paintit.guidance.stable_diffusion import on_this_machine
+
+        text = f"{known.name}: {known.note} ({known.source}, {known.licence}, {known.size_mb / 1000:.1f} GB)"
+        if on_this_machine(known.source, guidance.revision):
+            return text
+        return f"{text}; not on this machine, " + (
+            "will be downloaded" if request.allow_download else "add --allow-download to fetch it"
+        )
     try:
         prior = load_prior(guidance.prior, dtype=request.config.dtype, revision=guidance.revision)
     except PriorError as error:
@@ -93,11 +102,13 @@ def _prior(request: Request) -> str:
 def memory(config: PaintConfig, layers: int, faces: int) -> int:
     """Estimated bytes at the peak of one step, without the weights of a large prior."""
     texture = config.texture
+    device, _ = choose_device(config.device)
+    short = texture.precision == "bfloat16" or (texture.precision == "auto" and native_bfloat16(device))
     texels = layers * texture.size**2
     if texture.kind == "pixels":
-        channels = 8.0
+        channels, short = 8.0, False
     else:
         widths = zip(texture.widths, texture.skip_widths, strict=True)
         channels = sum((2 * width + skip) / 4**level for level, (width, skip) in enumerate(widths))
     pixels = config.views.count * config.views.size**2
-    return int(_BASE + 4 * (_COPIES * channels * texels / 2 + _PIXEL_CHANNELS * pixels) + 400 * faces)
+    return int(_BASE + (2 if short else 4) * _COPIES * channels * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)

@@ -52,6 +52,8 @@ class Record:
     """Name, SHA-256 and size of the mesh file's content."""
     prior: dict[str, Any] = field(default_factory=dict)
     """The prior's spec."""
+    light: dict[str, Any] = field(default_factory=dict)
+    """Name, SHA-256 and exposure factor of the environment."""
     versions: dict[str, str] = field(default_factory=dict)
     config: dict[str, Any] = field(default_factory=dict)
     """Every setting as used."""
