@@ -1,4 +1,4 @@
-"""Shared by all tests: where the assets are, and runtime checks of array shapes in signatures."""
+"""Shared by all tests: where the assets are."""
 
 from __future__ import annotations
 

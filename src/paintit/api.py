@@ -39,7 +39,7 @@ class PaintResult:
         maps: the texture maps as trained, on the CPU; :meth:`export` fills gutters and unseen texels.
         config: every setting as used.
         prompt: the sentence.
-        support: (layers, h, w) how much guidance each texel has had, see ``Painter.support``.
+        support: (layers, h, w) how much of the views each texel has been, see ``Painter.support``.
         history: one record per step.
         seconds: painting time.
         peak_memory: bytes, of the process, or of the GPU where one was used; None where the system does not say.

@@ -183,7 +183,7 @@ POCKET = PaintConfig(
     ),
     views=ViewConfig(size=64, background=0.5, close_up=0.25),
     prompt=PromptConfig(template="{prompt}", negative=""),
-    guidance=GuidanceConfig(prior="pocket", scale=7.5, scale_end=2.0, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
+    guidance=GuidanceConfig(prior="pocket", scale=10.0, scale_end=3.0, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
     optim=OptimConfig(steps=150, lr=2e-3),
 )
 """The default: the prior that ships in the package, on two CPU cores."""

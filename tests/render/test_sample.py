@@ -11,7 +11,7 @@ from torch import Tensor
 from paintit.render.camera import look_at
 from paintit.render.gbuffer import rasterize
 from paintit.render.geometry import Geometry
-from paintit.render.sample import Pyramid, build_pyramid, level_of_detail, lookup, mip_levels, sample
+from paintit.render.sample import Pyramid, build_pyramid, contributions, level_of_detail, lookup, mip_levels, sample
 
 
 def random_lookup(count: int, layers: int, seed: int = 0, dtype: torch.dtype = torch.float32):
@@ -136,3 +136,16 @@ def test_one_pyramid_serves_many_lookups() -> None:
     maps = torch.rand(2, 8, 8, 2)
     request = random_lookup(10, 2)
     assert torch.equal(lookup(build_pyramid(maps), *request), sample(maps, *request))
+
+
+def test_contributions_are_the_transposed_lookup() -> None:
+    """Each lookup hands out a weight of 1; a sharp one to four texels, a blurred one to a block; layers stay apart."""
+    layer = torch.tensor([0, 1])
+    uv = torch.tensor([[0.25, 0.5], [0.25, 0.5]])
+    footprint = torch.eye(2).expand(2, 2, 2) * torch.tensor([1 / 32, 4 / 16])[:, None, None]
+    weight = contributions((2, 16, 16), layer, uv, footprint)
+    torch.testing.assert_close(weight.sum((1, 2)), torch.ones(2))
+    assert int((weight[0] > 0).sum()) == 4
+    assert int((weight[1] > 0).sum()) == 64
+    maps = torch.rand(2, 16, 16, 1, generator=torch.Generator().manual_seed(0))
+    torch.testing.assert_close((maps[..., 0] * weight).sum(), sample(maps, layer, uv, footprint).sum())

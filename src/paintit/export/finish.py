@@ -17,7 +17,7 @@ from paintit.texture.maps import TextureMaps
 NEIGHBOURS = 16
 #: Support below which a texel is taken from its neighbours, and from which on it keeps what was painted; between them
 #: the two blend. As shares of the median over the texels that a camera sees.
-SUPPORT = (0.15, 0.4)
+SUPPORT = (0.2, 0.5)
 #: Side of the largest grid of texels whose visibility is asked with rays.
 VISIBILITY_SIZE = 256
 
@@ -26,9 +26,9 @@ def finish(mesh: Mesh, maps: TextureMaps, support: torch.Tensor | None = None) -
     """Maps ready for a file, detached, on the CPU.
 
     Texels that no camera on a sphere around the mesh could see are filled from the seen ones nearest to them on the
-    surface: the network is told nothing about them and leaves inverted values there. So are those that had next to no
-    guidance (``support``, (layers, h, w), from the painter): a small part that owns many texels. Then each texel
-    outside the islands takes the nearest island's value, so that mip levels do not bleed. Deterministic.
+    surface: the network is told nothing about them and leaves inverted values there. So are those that were next to no
+    part of the painted views (``support``, (layers, h, w), from the painter): a small part that owns many texels. Then
+    each texel outside the islands takes the nearest island's value, so that mip levels do not bleed. Deterministic.
     """
     check_layers(mesh, maps)
     packed = maps.packed().detach().to("cpu", torch.float32)

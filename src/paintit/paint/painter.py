@@ -26,10 +26,11 @@ from paintit.guidance.sds import sds_gradient
 from paintit.mesh.mesh import Mesh
 from paintit.paint.gutters import Gutters
 from paintit.paint.views import Views, ViewSampler
-from paintit.render.gbuffer import rasterize
+from paintit.render.gbuffer import GBuffer, rasterize
 from paintit.render.geometry import Geometry
 from paintit.render.light import Light, load_environment, prefilter
 from paintit.render.render import Channels, render
+from paintit.render.sample import contributions
 from paintit.rng import Streams, uniform
 from paintit.texture.field import make_field
 from paintit.texture.maps import TextureMaps
@@ -70,8 +71,8 @@ class Painter:
         profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
 
     Attributes:
-        support: (layers, h, w) how much guidance each texel has had: the sum over steps and channels of the magnitude
-            of its gradient. An exporter takes texels that had next to none from their neighbours.
+        support: (layers, h, w) how much of the views each texel has been, in pixels, summed over the steps. An exporter
+            takes texels that were next to none from their neighbours.
     """
 
     def __init__(
@@ -124,9 +125,8 @@ class Painter:
         maps = self.field()  # T_theta(z), 3.3
         clock("network")
         views = self.sample_views(streams["views"])  # supp. A.2
-        texels = self.fill_gutters(maps).packed()
-        texels.retain_grad()
-        image = self._render(TextureMaps.unpacked(texels), views)  # eq. 2
+        image = self._render(self.fill_gutters(maps), views)  # eq. 2
+        self.support += _support(image.gbuffer, self.support)
         clock("render")
         x = self.prior.encode_image(self._read(image))
         progress = self.step / max(self.total - 1, 1)
@@ -147,8 +147,6 @@ class Painter:
         if regularization.requires_grad:
             roots, seeds = [x, regularization], [gradient, torch.ones_like(regularization)]
         torch.autograd.backward(roots, seeds)
-        if texels.grad is not None:
-            self.support += texels.grad.abs().sum(-1)
         clock("backward")
         norm = self._update()
         clock("optimiser")
@@ -225,6 +223,13 @@ class Painter:
         self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state["optimizer"]})
         self.streams.load_state_dict(state["streams"])
         self.support.copy_(state["support"])
+
+
+def _support(gbuffer: GBuffer, like: Tensor) -> Tensor:
+    """(layers, h, w) pixels' worth of each texel in these views."""
+    layers, height, width = like.shape
+    mask = gbuffer.mask
+    return contributions((layers, height, width), gbuffer.layer[mask], gbuffer.uv[mask], gbuffer.footprint[mask])
 
 
 class _Clock:

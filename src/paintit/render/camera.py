@@ -38,7 +38,7 @@ class Cameras:
     def frame(self) -> tuple[Tensor, Tensor, Tensor]:
         """Right, up and backward unit axes, each (n, 3): rows of the world-to-camera rotation (it looks at -Z)."""
         backward = torch.nn.functional.normalize(self.eye - self.target, dim=-1)
-        # Straight from above or below, where +Y says nothing, up is what it is just before: away from the viewer's side.
+        # Straight from above or below +Y says nothing: up is what it is just before, away from the viewer's side.
         side = torch.stack([self.azimuth.sin(), torch.zeros_like(self.azimuth), self.azimuth.cos()], -1).to(backward)
         pole = (backward[:, 1:2].abs() > 1 - 1e-6).to(backward)
         world_up = torch.tensor([0.0, 1.0, 0.0]).to(backward) - pole * backward[:, 1:2].sign() * side

@@ -94,3 +94,18 @@ def lookup(pyramid: Pyramid, layer: Tensor, uv: Tensor, footprint: Tensor) -> Te
 def sample(maps: Tensor, layer: Tensor, uv: Tensor, footprint: Tensor) -> Tensor:
     """:func:`lookup` in the pyramid of ``maps`` (layers, h, w, c)."""
     return lookup(build_pyramid(maps), layer, uv, footprint)
+
+
+def contributions(size: tuple[int, int, int], layer: Tensor, uv: Tensor, footprint: Tensor) -> Tensor:
+    """(layers, h, w) the weight of each texel in all lookups together: their transpose applied to ones.
+
+    Every lookup hands out a weight of 1 in all, spread over a mip level's texels where the footprint is large.
+
+    Args:
+        size: (layers, h, w) of the maps that would be sampled.
+        layer, uv, footprint: as in :func:`lookup`.
+    """
+    with torch.enable_grad():
+        maps = torch.zeros(*size, 1, device=uv.device, requires_grad=True)
+        (weight,) = torch.autograd.grad(sample(maps, layer, uv, footprint).sum(), maps)
+    return weight[..., 0]
