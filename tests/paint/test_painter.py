@@ -20,7 +20,7 @@ from paintit.render.texels import seen, texel_points
 SIZE = 128
 BASE = dataclasses.replace(
     preset("pocket"),
-    views=ViewConfig(size=64, count=4, background=0.5),
+    views=ViewConfig(size=SIZE, count=4, background=0.5),  # views that resolve the texels
     light=LightConfig(),
 )
 
