@@ -105,3 +105,20 @@ def test_blend_by_hand() -> None:
     blended = blend_nearest(points, values, at, 2)
     assert abs(blended[0, 0] - 1.0) < 1e-4
     assert abs(blended[1, 0] - 3.0) < 1e-4
+
+
+def test_texels_that_were_hardly_painted_take_after_their_neighbours() -> None:
+    """Garbage where support is next to none vanishes; where support is ordinary, values stay bit for bit."""
+    mesh = asset("spot/spot.obj")
+    maps = flat(1, (0.2, 0.6, 0.2))
+    visible = torch.as_tensor(visibility(mesh, Geometry.from_mesh(mesh), SIZE))
+    corner = torch.zeros(1, SIZE, SIZE, dtype=torch.bool)
+    corner[:, : SIZE // 4, : SIZE // 4] = True
+    assert (corner & visible).any()
+    garbage = torch.where(corner[..., None], torch.tensor([1.0, 0.0, 1.0]), maps.base_color)
+    support = torch.where(corner, 0.1, 3.0)
+    spoiled = dataclasses.replace(maps, base_color=garbage)
+    done = finish(mesh, spoiled, support)
+    assert (done.base_color - torch.tensor([0.2, 0.6, 0.2])).abs().max() < 1e-5
+    assert torch.equal(done.base_color[visible & ~corner], maps.base_color[visible & ~corner])
+    assert (finish(mesh, spoiled).base_color[visible & corner] == torch.tensor([1.0, 0.0, 1.0])).all()
