@@ -6,6 +6,7 @@ Settings are frozen dataclasses; the command line and TOML files spell them the 
 """
 
 import dataclasses
+from pathlib import Path
 
 import paintit
 from paintit.paint.painter import Step
@@ -28,4 +29,6 @@ def watch(step: Step) -> bool:
 
 result = paintit.paint("assets/meshes/bob/bob.obj", "glossy red plastic", config=config, on_step=watch)
 print(result.outcome)
-result.preview(size=256).save("outputs/examples/bob.png")
+picture = Path("outputs/examples/bob.png")
+picture.parent.mkdir(parents=True, exist_ok=True)
+result.preview(size=256).save(picture)
