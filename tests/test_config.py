@@ -112,8 +112,14 @@ def test_toml_may_name_its_preset(tmp_path: Path) -> None:
         ),
         (
             "texture.size", 100, "config.value",
-            "texture.size is 100; 5 levels need a multiple of 32, for example 96",
+            "texture.size is 100; 5 levels at 1/2 of it need a multiple of 64, at least 128, for example 128",
         ),
+        (
+            "texture.size", 64, "config.value",
+            "texture.size is 64; 5 levels at 1/2 of it need a multiple of 64, at least 128, for example 128",
+        ),
+        ("texture.upsample", 0, "config.value", "texture.upsample is 0; it must be a power of two: 1, 2, 4, ..."),
+        ("texture.upsample", 3, "config.value", "texture.upsample is 3; it must be a power of two: 1, 2, 4, ..."),
         (
             "texture.skip_widths", [1, 2], "config.value",
             "texture.skip_widths is [1, 2]; it must be 5 counts of 0 or more, one per level",
@@ -134,6 +140,12 @@ def test_refused(key: str, value: Any, code: str, message: str) -> None:
 def test_a_preset_that_is_not_there() -> None:
     with pytest.raises(UsageError, match="there is no preset 'draft'; choose one of pocket, paper"):
         preset("draft")
+
+
+def test_the_size_suits_the_levels_without_upsampling() -> None:
+    assert merge(POCKET, {"texture.upsample": 1, "texture.size": 96}).texture.size == 96
+    with pytest.raises(UsageError, match="5 levels need a multiple of 32, at least 64, for example 96"):
+        merge(POCKET, {"texture.upsample": 1, "texture.size": 100})
 
 
 def test_the_pixels_field_has_no_levels() -> None:

@@ -26,6 +26,7 @@ from paintit.run import record as records
 from paintit.run.folder import RunFolder, check_writable, find, locked, resolve
 from paintit.run.paint import Job, Request, prepare, run
 from paintit.run.record import Record
+from paintit.run.request import settings_of
 from paintit.settings import load_toml, merge
 
 STEPS = 6
@@ -135,6 +136,20 @@ def test_stopped_and_resumed_is_the_same_as_never_stopped(mesh: Path, stop_at: i
     assert done.record.state == "finished"
     assert textures(mesh, "halved") == textures(mesh, "whole")
     assert log_of(mesh, "halved") == log_of(mesh, "whole")
+
+
+def test_a_setting_younger_than_the_run_is_resumed_as_it_was_before_it(mesh: Path) -> None:
+    before = merge(CONFIG, {"texture.upsample": 1})
+    assert before != CONFIG, "the preset of today differs"
+    run(job_for(mesh, "whole", before))
+    run(job := job_for(mesh, "halved", before), stop=lambda: job.painter.step >= 3)
+    folder = mesh.parent / "halved" / "painted.paintit"
+    settings = folder / "config.toml"
+    settings.write_text(settings.read_text().replace("upsample = 1\n", ""))
+    assert "upsample" not in settings.read_text()
+    assert settings_of(folder) == before
+    run(prepare(Request(None, None, settings_of(folder), resume=folder, preview=False), ExactPrior()))
+    assert textures(mesh, "halved") == textures(mesh, "whole")
 
 
 KILLED = """

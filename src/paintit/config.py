@@ -28,7 +28,10 @@ class TextureConfig:
     kind: Literal["dcpbr", "pixels"] = "dcpbr"
     """``dcpbr``: the paper's convolutional re-parameterisation. ``pixels``: the baseline of eq. 4."""
     size: int = 512
-    """Texels along each side of every map; a multiple of 2 to the number of levels."""
+    """Texels along each side of every map; a multiple of ``upsample`` times 2 to the number of levels."""
+    upsample: int = 1
+    """The U-Net runs at ``size`` / ``upsample`` and its output is upsampled bilinearly; a power of two, 1 as published.
+    ``pixels`` ignores it."""
     widths: tuple[int, ...] = (128, 128, 128, 128, 128)
     """Channels of the U-Net at each level, finest first (supp. A.1: five levels)."""
     skip_widths: tuple[int, ...] = (128, 128, 128, 128, 128)
@@ -179,7 +182,7 @@ PAPER = PaintConfig(
 
 POCKET = PaintConfig(
     texture=TextureConfig(
-        widths=(8, 32, 64, 128, 128), skip_widths=(4, 16, 32, 64, 128), input_channels=8, precision="auto"
+        upsample=2, widths=(8, 32, 64, 128, 128), skip_widths=(4, 16, 32, 64, 128), input_channels=8, precision="auto"
     ),
     views=ViewConfig(size=64, background=0.5, close_up=0.25),
     prompt=PromptConfig(template="{prompt}", negative=""),

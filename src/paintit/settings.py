@@ -264,6 +264,11 @@ def _validate_texture(texture: TextureConfig) -> None:
         _refuse("texture.widths", texture.widths, "it must be one or more positive channel counts, finest level first")
     if len(texture.skip_widths) != levels or min(texture.skip_widths) < 0:
         _refuse("texture.skip_widths", texture.skip_widths, f"it must be {levels} counts of 0 or more, one per level")
-    if texture.size % 2**levels:
-        near = max(1, round(texture.size / 2**levels)) * 2**levels
-        _refuse("texture.size", texture.size, f"{levels} levels need a multiple of {2**levels}, for example {near}")
+    if texture.upsample < 1 or texture.upsample & (texture.upsample - 1):
+        _refuse("texture.upsample", texture.upsample, "it must be a power of two: 1, 2, 4, ...")
+    unit = texture.upsample * 2**levels
+    if texture.size % unit or texture.size < 2 * unit:
+        near = max(2, round(texture.size / unit)) * unit
+        network = f"{levels} levels" + (f" at 1/{texture.upsample} of it" if texture.upsample > 1 else "")
+        need = f"need a multiple of {unit}, at least {2 * unit}, for example {near}"
+        _refuse("texture.size", texture.size, f"{network} {need}")

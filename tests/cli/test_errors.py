@@ -139,7 +139,8 @@ CASES: dict[str, tuple[list[str], int, str]] = {
     "render size": (["cube.obj", "red", "--render-size", "0"], 2, "error: views.size is 0; it must be from 8 to 8192"),
     "odd size": (
         ["cube.obj", "red", "--texture-size", "100", "--texture.widths", "8", "8", "8", "--texture.skip-widths", "4",
-         "4", "4"], 2, "error: texture.size is 100; 3 levels need a multiple of 8, for example 96",
+         "4", "4"], 2, "error: texture.size is 100; 3 levels at 1/2 of it need a multiple of 16, at least 32, "
+        "for example 96",
     ),
     "not a number": (
         ["cube.obj", "red", "--steps", "many"], 2, "error: --steps is 'many'; it must be a whole number"

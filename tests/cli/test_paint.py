@@ -68,6 +68,7 @@ def test_a_larger_picture_needs_more_memory(cube: Path, here: Path, paintit: Cal
         return json.loads(paintit("paint", cube, "red", *flags, "--dry-run", "--json").out)["data"]["memory"]
 
     assert estimate() < estimate("--texture-size", "1024") < estimate("--texture-size", "1024", "--render-size", "512")
+    assert estimate("--texture.upsample", "2") < estimate("--texture.upsample", "1")
 
 
 def test_the_config_of_a_run_repeats_it(cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:

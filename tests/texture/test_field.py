@@ -10,14 +10,28 @@ import torch
 
 from paintit.config import TextureConfig
 from paintit.errors import UsageError
-from paintit.texture.field import DCPBR, Pixels, TextureField, decode, make_field, total_variation
+from paintit.texture.field import (
+    DCPBR,
+    Pixels,
+    TextureField,
+    decode,
+    enlarge,
+    enlarge_slices,
+    make_field,
+    total_variation,
+)
 
 SMALL = TextureConfig(size=32, widths=(8, 12, 16), skip_widths=(4, 6, 8))
+HALF = dataclasses.replace(SMALL, size=64, upsample=2)
 PIXELS = dataclasses.replace(SMALL, kind="pixels", size=16)
 
 
 def seeded(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
+
+
+def name(config: TextureConfig) -> str:
+    return f"{config.kind}-{config.upsample}"
 
 
 def test_zero_logits_by_hand() -> None:
@@ -40,7 +54,7 @@ def test_channel_order_and_ends_of_the_ranges() -> None:
     assert decode(-logits, 0.08, 0.1).roughness.item() == pytest.approx(0.08)
 
 
-@pytest.mark.parametrize("config", [SMALL, PIXELS], ids=lambda c: c.kind)
+@pytest.mark.parametrize("config", [SMALL, HALF, PIXELS], ids=name)
 def test_maps_have_their_ranges_whatever_the_parameters(config: TextureConfig) -> None:
     field = make_field(config, 2, seeded())
     for parameter in field.parameters():
@@ -61,7 +75,7 @@ def test_maps_have_their_ranges_whatever_the_parameters(config: TextureConfig) -
     assert maps.packed().dtype == torch.float32
 
 
-@pytest.mark.parametrize("config", [SMALL, PIXELS], ids=lambda c: c.kind)
+@pytest.mark.parametrize("config", [SMALL, HALF, PIXELS], ids=name)
 def test_one_seed_one_field(config: TextureConfig) -> None:
     before = torch.get_rng_state()
     a, b, other = (make_field(config, 2, seeded(s))().packed() for s in (0, 0, 1))
@@ -70,7 +84,7 @@ def test_one_seed_one_field(config: TextureConfig) -> None:
     assert not torch.equal(a, other)
 
 
-@pytest.mark.parametrize("config", [SMALL, PIXELS], ids=lambda c: c.kind)
+@pytest.mark.parametrize("config", [SMALL, HALF, PIXELS], ids=name)
 def test_state_restores_the_field(config: TextureConfig) -> None:
     field, fresh = make_field(config, 1, seeded()), make_field(config, 1, seeded())
     for parameter in field.parameters():
@@ -99,6 +113,49 @@ def test_layers_are_independent() -> None:
     after = field().packed()
     assert torch.equal(before[0], after[0])
     assert not torch.equal(before[1], after[1])
+
+
+def test_enlarging_by_hand() -> None:
+    x = torch.tensor([[1.0, 3.0], [5.0, 7.0]]).reshape(1, 1, 2, 2)
+    row = torch.tensor([1.0, 1.5, 2.5, 3.0])  # centres of the fine pixels at -1/4, 1/4, 3/4, 5/4 of the coarse ones
+    assert torch.equal(enlarge(x, 2)[0, 0], row + torch.tensor([0.0, 1.0, 3.0, 4.0])[:, None])
+    assert enlarge(x, 1) is x
+
+
+@pytest.mark.parametrize("factor", [1, 2, 4, 8])
+def test_enlarging_by_slices_is_enlarging(factor: int) -> None:
+    x = torch.randn(2, 3, 5, 6, generator=seeded(), dtype=torch.float64, requires_grad=True)
+    fast, slices = enlarge(x, factor), enlarge_slices(x, factor)
+    assert fast.shape == (2, 3, 5 * factor, 6 * factor)
+    torch.testing.assert_close(slices, fast)
+    direction = torch.randn(fast.shape, generator=seeded(1), dtype=torch.float64)
+    wanted, got = (torch.autograd.grad((y * direction).sum(), x)[0] for y in (fast, slices))
+    torch.testing.assert_close(got, wanted)
+
+
+def test_the_network_runs_at_the_size_over_upsample() -> None:
+    half, full = make_field(HALF, 1, seeded()), make_field(SMALL, 1, seeded())
+    assert isinstance(half, DCPBR)
+    assert isinstance(full, DCPBR)
+    assert torch.equal(half.noise, full.noise)
+    logits = enlarge(full.unet(full.noise), 2)
+    assert torch.equal(half().packed(), decode(logits, HALF.min_roughness, HALF.normal_strength).packed())
+
+
+def test_upsampled_gradients_are_the_same_twice() -> None:
+    grads = []
+    for _ in range(2):
+        field = make_field(HALF, 1, seeded())
+        field().packed().square().sum().backward()
+        grads.append([p.grad for p in field.parameters()])
+    assert grads[0][0].abs().max() > 0
+    assert all(torch.equal(p, q) for p, q in zip(*grads, strict=True))
+
+
+def test_pixels_ignore_upsampling() -> None:
+    config = dataclasses.replace(PIXELS, size=15, upsample=2)
+    assert torch.equal(make_field(config, 1, seeded())().packed(),
+                       make_field(dataclasses.replace(config, upsample=1), 1, seeded())().packed())  # fmt: skip
 
 
 def test_pixels_start_mid_grey_and_move_alone() -> None:
@@ -131,7 +188,7 @@ def test_regularization_is_weighted_and_reads_base_colour_alone() -> None:
     assert field.logits.grad[:, 3:].abs().max() == 0
 
 
-@pytest.mark.parametrize("config", [SMALL, PIXELS], ids=lambda c: c.kind)
+@pytest.mark.parametrize("config", [SMALL, HALF, PIXELS], ids=name)
 def test_no_regularization_by_default(config: TextureConfig) -> None:
     assert make_field(config, 1, seeded()).regularization().item() == 0
 
@@ -161,6 +218,11 @@ def test_gradient_descent_reaches_a_given_texture(kind: str) -> None:
         ({"size": -512}, "texture.size", "-512"),
         ({"size": 36}, "texture.size", "36"),
         ({"size": 8}, "texture.size", "8"),
+        ({"upsample": 0}, "texture.upsample", "0"),
+        ({"upsample": 3}, "texture.upsample", "3"),
+        ({"upsample": -2}, "texture.upsample", "-2"),
+        ({"upsample": 2, "size": 40}, "texture.size", "40 does not suit a U-Net of 3 levels at 1/2 of it"),
+        ({"upsample": 4}, "texture.size", "32"),
         ({"kind": "pixels", "size": 0}, "texture.size", "0"),
         ({"kind": "voxels"}, "texture.kind", "voxels"),
         ({"min_roughness": 1.5}, "texture.min_roughness", "1.5"),

@@ -66,11 +66,12 @@ def defaults(arguments: Sequence[str]) -> PaintConfig:
     resume, file, name = (peek(arguments, flag) for flag in ("--resume", "--config", "--preset"))
     if resume is not None:
         from paintit.run.folder import find
+        from paintit.run.request import settings_of
 
         if file is not None or name is not None:
             raise UsageError("usage.resume", "--resume keeps the settings of its run",
                              "leave out --preset and --config")  # fmt: skip
-        return load_toml(find(Path(resume)) / "config.toml")
+        return settings_of(find(Path(resume)))
     base = preset(name) if name is not None and name in PRESETS else None
     if file is not None:
         return load_toml(Path(file), base)

@@ -12,8 +12,8 @@ from paintit.export.read_maps import read_maps, read_maps_folder
 from paintit.mesh.mesh import Mesh
 from paintit.run import record as records
 from paintit.run.folder import RunFolder, find
-from paintit.run.paint import Request, prepare
-from paintit.settings import load_toml
+from paintit.run.paint import prepare
+from paintit.run.request import Request, settings_of
 from paintit.texture.maps import TextureMaps
 
 
@@ -63,7 +63,7 @@ def _of_run(path: Path) -> Asset:
         painted = folder.asset.suffix.lower() in (".glb", ".gltf")
         maps = read_maps(mesh) if painted else read_maps_folder(folder.textures, mesh)
         return Asset(mesh, maps, {"prompt": record.prompt, "seed": record.seed}, f"the asset of {path}")
-    request = Request(None, None, load_toml(folder.config), resume=path)
+    request = Request(None, None, settings_of(path), resume=path)
     job = prepare(request)
     result = api.result_of(job.painter, job.prompt, (), 0.0, stopped=True).finished()
     return Asset(result.mesh, result.maps, result.metadata, f"the run {path}, {result.outcome}")

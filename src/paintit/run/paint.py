@@ -18,7 +18,7 @@ from typing import IO, Any
 from paintit import api
 from paintit.config import PaintConfig, to_dict
 from paintit.device import choose_device
-from paintit.errors import PaintitError, RunError, UsageError
+from paintit.errors import PaintitError, RunError
 from paintit.export.image import write_maps
 from paintit.export.preview import preview, turntable, write_turntable
 from paintit.export.write import write
@@ -30,29 +30,13 @@ from paintit.paint import checkpoint
 from paintit.paint.painter import Painter, Step
 from paintit.render.light import load_environment, prefilter
 from paintit.run import record as records
-from paintit.run.folder import RunFolder, check_free, check_writable, find, locked, resolve
+from paintit.run.folder import RunFolder, find, locked
 from paintit.run.record import Record
-from paintit.settings import dump_toml, load_toml, names, validate
+from paintit.run.request import Request, check, settings_of
+from paintit.settings import dump_toml, names, validate
 
 #: Seconds between checkpoints.
 CHECKPOINT_EVERY = 10.0
-
-
-@dataclass(frozen=True)
-class Request:
-    """What was asked for. ``mesh`` and ``prompt`` may be left out where ``resume`` names a run."""
-
-    mesh: Path | None
-    prompt: str | None
-    config: PaintConfig
-    output: str | None = None
-    resume: Path | None = None
-    overwrite: bool = False
-    snapshot_every: int = 0
-    preview: bool = True
-    turntable: bool = False
-    allow_download: bool = False
-    command: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,28 +76,10 @@ def prepare(request: Request, prior: Prior | None = None) -> Job:
     Raises:
         PaintitError: whatever is wrong with settings, output, mesh, light or prior.
     """
-    validate(request.config)
     if request.resume is not None:
-        return _resume(request, find(request.resume), prior)
-    prompt = api.check_prompt(request.prompt)
-    path = require_mesh(request)
-    folder = resolve(request.output, path)
-    check_free(folder, path, request.overwrite)
-    check_writable(folder.asset.parent)
-    check_writable(folder.folder)
-    mesh = api.load_mesh(path, request.config.unwrap)
-    return Job(request, folder, mesh, prompt, _painter(mesh, prompt, request, prior))
-
-
-def require_mesh(request: Request) -> Path:
-    """The path of the mesh.
-
-    Raises:
-        UsageError: none was given.
-    """
-    if request.mesh is None:
-        raise UsageError("usage.no_mesh", "no mesh is given", 'write: paintit paint MESH "PROMPT"')
-    return request.mesh
+        return _resume(request, request.resume, prior)
+    found = check(request)
+    return Job(request, found.folder, found.mesh, found.prompt, _painter(found.mesh, found.prompt, request, prior))
 
 
 def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> Painter:
@@ -128,10 +94,12 @@ def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> 
     return Painter(mesh, prompt, config, prior, prefilter(environment, device))
 
 
-def _resume(request: Request, path: Path, prior: Prior | None) -> Job:
+def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
+    validate(request.config)
+    path = find(named)
     old = records.read(path / "run.json")
     folder = RunFolder(path, path / old.asset)
-    config = load_toml(folder.config)
+    config = settings_of(path)
     _same_settings(config, request.config)
     if request.prompt is not None and api.check_prompt(request.prompt) != old.prompt:
         raise RunError("run.differs", f"the run's prompt is '{old.prompt}', not '{request.prompt.strip()}'",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from paintit import api
 from paintit.config import PaintConfig
 from paintit.device import choose_device, native_bfloat16
 from paintit.errors import PriorError
@@ -12,15 +11,18 @@ from paintit.guidance.load import known_prior, load_prior
 from paintit.guidance.prompt import Prompts
 from paintit.mesh.mesh import Mesh
 from paintit.render.light import load_environment
-from paintit.run.folder import RunFolder, check_free, check_writable, resolve
-from paintit.run.paint import Request, prepare, require_mesh
-from paintit.settings import validate
+from paintit.run.folder import RunFolder
+from paintit.run.paint import prepare
+from paintit.run.request import Request, check
 
-# An estimate, fitted to peaks of the pocket preset on one Linux machine without a GPU: 785 to 930 MiB at 64 texels,
-# 1000 MiB at 512, 2.2 GiB at 512 with six materials. Other settings are extrapolated.
+# An estimate, fitted to peaks of the pocket preset on one Linux machine without a GPU. ``texture.upsample`` 1: 785 to
+# 930 MiB at 64 texels, 1000 MiB at 512, 2.2 GiB at 512 with six materials; 2: 880 MiB at 512, 1250 MiB at 1024. Other
+# settings are extrapolated.
 #: Bytes that Python, torch, the prior and the renderer take whatever the settings.
 _BASE = 780 << 20
-#: Live arrays for each channel of the U-Net at full size: value, normalisation, activation and their gradients.
+#: Channels of the maps at full size, where the network is smaller than they are or there is none.
+_MAP_CHANNELS = 8
+#: Live arrays for each channel: value, normalisation, activation and their gradients.
 _COPIES = 8
 #: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients (a guess).
 _PIXEL_CHANNELS = 260
@@ -32,18 +34,11 @@ def plan(request: Request) -> dict[str, Any]:
     Raises:
         PaintitError: as ``run.paint.prepare``.
     """
-    validate(request.config)
     if request.resume is not None:
         job = prepare(request)
         return _plan(request, job.folder, job.mesh, job.prompt) | {"resume_after_step": job.painter.step}
-    prompt = api.check_prompt(request.prompt)
-    path = require_mesh(request)
-    folder = resolve(request.output, path)
-    check_free(folder, path, request.overwrite)
-    check_writable(folder.asset.parent)
-    check_writable(folder.folder)
-    mesh = api.load_mesh(path, request.config.unwrap)
-    return _plan(request, folder, mesh, prompt)
+    found = check(request)
+    return _plan(request, found.folder, found.mesh, found.prompt)
 
 
 def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[str, Any]:
@@ -105,10 +100,11 @@ def memory(config: PaintConfig, layers: int, faces: int) -> int:
     device, _ = choose_device(config.device)
     short = texture.precision == "bfloat16" or (texture.precision == "auto" and native_bfloat16(device))
     texels = layers * texture.size**2
-    if texture.kind == "pixels":
-        channels, short = 8.0, False
-    else:
+    network = 0.0
+    if texture.kind != "pixels":
         widths = zip(texture.widths, texture.skip_widths, strict=True)
         channels = sum((2 * width + skip) / 4**level for level, (width, skip) in enumerate(widths))
+        network = (2 if short else 4) * channels / texture.upsample**2
+    maps = 0 if network and texture.upsample == 1 else 4 * _MAP_CHANNELS
     pixels = config.views.count * config.views.size**2
-    return int(_BASE + (2 if short else 4) * _COPIES * channels * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)
+    return int(_BASE + _COPIES * (network + maps) * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)

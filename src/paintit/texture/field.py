@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from paintit.color import decode_srgb
 from paintit.config import TextureConfig
@@ -40,6 +41,30 @@ def total_variation(image: Tensor) -> Tensor:
     return (image[..., 1:] - image[..., :-1]).abs().mean() + (image[..., 1:, :] - image[..., :-1, :]).abs().mean()
 
 
+def enlarge(x: Tensor, factor: int) -> Tensor:
+    """Bilinear upsampling with align_corners=False: (n, c, h, w) -> (n, c, ``factor`` h, ``factor`` w)."""
+    if factor == 1:
+        return x
+    # Elsewhere than on the CPU the backward pass of torch's own upsampling adds in no fixed order.
+    if x.device.type == "cpu":
+        return functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=False)
+    return enlarge_slices(x, factor)
+
+
+def enlarge_slices(x: Tensor, factor: int) -> Tensor:
+    """:func:`enlarge` from joined slices: slower, but its gradient is the same at every run on every device."""
+    for axis in (2, 3):
+        size = x.shape[axis]
+        wide = torch.cat([x.narrow(axis, 0, 1), x, x.narrow(axis, size - 1, 1)], axis)
+        # Centres of the fine pixels inside a coarse one, from the centre of the coarse pixel before it, in coarse ones.
+        places = [0.5 + (place + 0.5) / factor for place in range(factor)]
+        phases = [
+            torch.lerp(wide.narrow(axis, int(at), size), wide.narrow(axis, int(at) + 1, size), at % 1) for at in places
+        ]
+        x = torch.stack(phases, axis + 1).flatten(axis, axis + 1)
+    return x
+
+
 class TextureField(nn.Module, ABC):
     """A parameterisation of the maps: calling it gives them, with gradients to its parameters."""
 
@@ -56,6 +81,8 @@ class TextureField(nn.Module, ABC):
 class DCPBR(TextureField):
     """The paper's deep convolutional re-parameterisation: fixed noise through a U-Net (3.3, supp. A.1).
 
+    The network runs at ``size / upsample``; its logits are upsampled, not the maps, so the ranges hold all the same.
+
     The noise is drawn from N(0, 1) and standardised per channel. The generator fixes it, so it is a buffer that the
     state leaves out: at 16 channels it would outweigh all else in a checkpoint.
     """
@@ -64,12 +91,16 @@ class DCPBR(TextureField):
 
     def __init__(self, config: TextureConfig, layers: int, generator: torch.Generator) -> None:
         super().__init__()
-        coarsest = 2 ** len(config.widths)
-        if config.size % coarsest or config.size < 2 * coarsest:
+        upsample = config.upsample
+        if upsample < 1 or upsample & (upsample - 1):
+            raise UsageError("texture.upsample", f"texture upsampling is {upsample}", "give a power of two such as 2")
+        unit = upsample * 2 ** len(config.widths)
+        if config.size % unit or config.size < 2 * unit:
+            network = f"a U-Net of {len(config.widths)} levels" + (f" at 1/{upsample} of it" if upsample > 1 else "")
             raise UsageError(
                 "texture.size",
-                f"texture size {config.size} does not suit a U-Net of {len(config.widths)} levels",
-                f"choose a multiple of {coarsest}, at least {2 * coarsest}",
+                f"texture size {config.size} does not suit {network}",
+                f"choose a multiple of {unit}, at least {2 * unit}" + (", or upsample less" if upsample > 1 else ""),
             )
         self.config = config
         self.unet = UNet(
@@ -80,12 +111,14 @@ class DCPBR(TextureField):
             generator,
             precision=config.precision,
         )
-        noise = torch.randn(layers, config.input_channels, config.size, config.size, generator=generator)
+        size = config.size // upsample
+        noise = torch.randn(layers, config.input_channels, size, size, generator=generator)
         noise = (noise - noise.mean((2, 3), keepdim=True)) / noise.std((2, 3), keepdim=True)
         self.register_buffer("noise", noise, persistent=False)
 
     def forward(self) -> TextureMaps:
-        return decode(self.unet(self.noise), self.config.min_roughness, self.config.normal_strength)
+        logits = enlarge(self.unet(self.noise), self.config.upsample)
+        return decode(logits, self.config.min_roughness, self.config.normal_strength)
 
 
 class Pixels(TextureField):
