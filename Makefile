@@ -8,7 +8,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-PROMPT ?= a brown and white dairy cow with short fur
+PROMPT ?= a zebra
 MESH   ?= assets/meshes/spot/spot.obj
 OUTPUT ?= outputs/spot.glb
 
@@ -47,10 +47,13 @@ bench: $(BIN)/paintit
 	$(BIN)/python benchmarks/step.py
 
 # The recipe of the shipped weights is in training/pocket/README.md; SMOKE=1 walks the whole pipeline in minutes.
+POCKET := training/pocket
+WORK   := $(POCKET)/work$(if $(SMOKE),/smoke)
 train-pocket: $(BIN)/paintit
-	$(BIN)/python training/pocket/gbuffers.py $(if $(SMOKE),--shapes 50)
-	$(BIN)/python training/pocket/data.py $(if $(SMOKE),--samples 400 --chunk 200,--samples 90000)
-	$(BIN)/python training/pocket/train.py $(if $(SMOKE),--smoke)
+	$(BIN)/python $(POCKET)/gbuffers.py --out $(WORK)/gbuffers $(if $(SMOKE),--shapes 60)
+	$(BIN)/python $(POCKET)/data.py --gbuffers $(WORK)/gbuffers --out $(WORK)/data $(if $(SMOKE),--samples 600 --chunk 300 --synthetic 1)
+	$(BIN)/python $(POCKET)/train.py --gbuffers $(WORK)/gbuffers --data $(WORK)/data --out $(WORK)/run $(if $(SMOKE),--smoke)
+	$(BIN)/python $(POCKET)/sample.py --weights $(WORK)/run/pocket.safetensors --out $(WORK)/samples.png
 
 clean:
 	rm -rf $(VENV) tests/node_modules outputs .pytest_cache .ruff_cache

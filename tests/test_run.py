@@ -109,9 +109,9 @@ def test_the_record_says_how_to_repeat_the_run_and_nothing_of_the_machine(mesh: 
 def test_a_field_of_the_record_is_not_renamed_by_accident() -> None:
     assert records.SCHEMA == "paintit.run/1"
     assert [field.name for field in dataclasses.fields(Record)] == [
-        "schema", "state", "outcome", "step", "steps", "asset", "prompt", "prompts", "command", "started", "ended",
-        "seconds", "peak_memory", "seed", "device", "device_reason", "input", "prior", "light", "versions", "config",
-        "notes",
+        "schema", "state", "outcome", "step", "steps", "asset", "prompt", "prompts", "readings", "command", "started",
+        "ended", "seconds", "peak_memory", "seed", "device", "device_reason", "input", "prior", "light", "versions",
+        "config", "notes",
     ]  # fmt: skip
 
 

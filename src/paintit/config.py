@@ -184,10 +184,10 @@ POCKET = PaintConfig(
     texture=TextureConfig(
         upsample=2, widths=(8, 32, 64, 128, 128), skip_widths=(4, 16, 32, 64, 128), input_channels=8, precision="auto"
     ),
-    views=ViewConfig(size=64, background=0.5, close_up=0.25),
+    views=ViewConfig(size=64, background=0.5, close_up=0.5),
     prompt=PromptConfig(template="{prompt}", negative=""),
-    guidance=GuidanceConfig(prior="pocket", scale=10.0, scale_end=3.0, t_start=(0.4, 0.98), t_end=(0.2, 0.6)),
-    optim=OptimConfig(steps=150, lr=2e-3),
+    guidance=GuidanceConfig(prior="pocket", scale=4.0, scale_end=2.0, t_start=(0.7, 0.99), t_end=(0.5, 0.95)),
+    optim=OptimConfig(steps=150, lr=3e-3),
 )
 """The default: the prior that ships in the package, on two CPU cores."""
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from paintit.guidance.prior import Prior
 
 WIDTHS = {"shaded": 3, "base_color": 3, "roughness": 1, "metallic": 1}
-WIDTHS |= {"normal": 3, "depth": 1, "mask": 1, "position": 3}
+WIDTHS |= {"normal": 3, "depth": 1, "mask": 1, "position": 3, "normal_object": 3}
 
 
 def make_channels(names: tuple[str, ...], count: int, size: int, seed: int = 0) -> dict[str, Tensor]:

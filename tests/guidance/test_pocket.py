@@ -23,8 +23,9 @@ from paintit.guidance.prior import Prior
 from paintit.guidance.sds import sds_gradient
 
 TINY = PocketConfig(
-    width=16, deep=48, deep_blocks=1, shallow_blocks=1, text_width=48, table_width=16, words=64, grams=64, condition=32
-)
+    width=16, deep=48, deep_blocks=1, shallow_blocks=1, text_width=48, table_width=16, words=64, grams=64,
+    condition=32, pixel=16, filters=4,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -38,20 +39,21 @@ def save_tiny(path: Path, v: float | None = None) -> Path:
     net = PocketNet(TINY)
     state = {k: torch.randn_like(t) * 0.1 if t.ndim > 1 else t for k, t in net.state_dict().items()}
     if v is not None:
-        state["out.weight"] = torch.zeros_like(state["out.weight"])
-        state["out.bias"] = torch.full_like(state["out.bias"], v)
+        state["head.leave.weight"] = torch.zeros_like(state["head.leave.weight"])
+        state["head.leave.bias"] = torch.full_like(state["head.leave.bias"], v)
     save_file({k: t.contiguous() for k, t in state.items()}, str(path), {"config": json.dumps(asdict(TINY))})
     return path
 
 
 def sphere(count: int, size: int = 64) -> dict[str, Tensor]:
-    """View normals and mask of a ball that fills most of the frame, seen without perspective."""
+    """Normals, places and mask of a ball that fills most of the frame, seen from +Z without perspective."""
     axis = (2 * (torch.arange(size) + 0.5) / size - 1) / 0.85
     x, y = axis[None].expand(size, size), -axis[:, None].expand(size, size)
     inside = x * x + y * y < 1
     normal = torch.stack([x, y, (1 - x * x - y * y).clamp_min(0).sqrt()], -1) * inside[..., None]
     mask = inside[..., None].float()
-    return {"normal": normal.expand(count, -1, -1, -1), "mask": mask.expand(count, -1, -1, -1)}
+    shown = {"normal": normal, "mask": mask, "position": normal, "normal_object": normal}
+    return {name: value.expand(count, -1, -1, -1) for name, value in shown.items()}
 
 
 def denoise(prior: PocketPrior, prompts: list[str], scale: float = 3.0, steps: int = 8) -> Tensor:
@@ -67,7 +69,7 @@ def denoise(prior: PocketPrior, prompts: list[str], scale: float = 3.0, steps: i
         clean = ((x - sigma * noise) / alpha).clamp(-1, 1)
         noise = (x - alpha * clean) / sigma
         x = math.cos(after * math.pi / 2) * clean + math.sin(after * math.pi / 2) * noise
-    weight = (shown[:, 3:] > 0.9).float()
+    weight = (shown[:, 3:4] > 0.9).float()
     return (x * 0.5 + 0.5).mul(weight).sum((2, 3)) / weight.sum((2, 3))
 
 
@@ -82,7 +84,7 @@ def test_a_tiny_network_keeps_the_contract(tmp_path: Path) -> None:
 
 def test_what_it_says_of_itself(prior: PocketPrior) -> None:
     assert prior.reads == ("shaded", "base_color", "roughness", "metallic")
-    assert prior.sees == ("normal", "mask")
+    assert prior.sees == ("normal", "mask", "position", "normal_object")
     assert (prior.spec.id, prior.spec.family, prior.spec.resolution) == ("pocket", "pocket", 32)
     assert prior.spec.licence == "Apache-2.0"
     assert len(prior.spec.revision) == 64
@@ -224,8 +226,29 @@ def test_guidance_pulls_a_grey_ball_towards_gold(prior: PocketPrior) -> None:
     for t in (0.5, 0.6, 0.7, 0.8, 0.9):
         noise = torch.randn(x.shape, generator=generator)
         total += sds_gradient(prior, x, text, none, t, noise, 7.5, geometry)[0]
-    inside = geometry[:, 3:] > 0.9
+    inside = geometry[:, 3:4] > 0.9
     push = -(total * inside).sum((0, 2, 3)) / inside.sum()  # descent direction
     assert push[7] > 0, "more metallic"
     assert push[6] < 0, "smoother"
     assert push[3] > push[5] + 0.05, "more red than blue"
+
+
+def test_a_word_that_no_caption_held_is_read_as_one_that_did(prior: PocketPrior) -> None:
+    assert prior.readings("a polished gold ocelot") == {"ocelot": "leopard"}
+    assert prior.readings("a polished gold leopard") == {}
+    unknown, known = prior.encode_text(["ocelot fur", "leopard fur"])
+    assert torch.equal(unknown, known)
+
+
+def test_patterns_lie_where_they_were_taught(prior: PocketPrior) -> None:
+    """At the greatest noise only text and place are left: stripes of a zebra follow the place, not the picture."""
+    shown = prior.encode_geometry(sphere(1))
+    x = torch.randn(2, 8, 32, 32, generator=torch.Generator().manual_seed(5))
+    text = prior.encode_text(["a zebra"])
+    clean = []
+    for noise in x.split(1):
+        epsilon = prior.predict_noise(noise, 0.98, text, shown)
+        alpha, sigma = math.cos(0.98 * math.pi / 2), math.sin(0.98 * math.pi / 2)
+        clean.append(((noise - sigma * epsilon) / alpha)[:, 3:6].mean(1)[shown[:, 3] > 0.9])
+    assert torch.corrcoef(torch.stack(clean))[0, 1] > 0.8
+    assert clean[0].std() > 0.4, "black and white, not grey"

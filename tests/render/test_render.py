@@ -56,7 +56,7 @@ def test_composition_and_encoding(gbuffer: GBuffer, varied_light: Light) -> None
     torch.testing.assert_close(encoded["base_color"][gbuffer.mask], encode_srgb(base))
     geometry = channels.geometry()
     widths = {name: image.shape[-1] for name, image in geometry.items()}
-    assert widths == {"normal": 3, "depth": 1, "mask": 1, "position": 3}
+    assert widths == {"normal": 3, "depth": 1, "mask": 1, "position": 3, "normal_object": 3}
     assert all((image[off] == 0).all() for image in geometry.values())
 
 

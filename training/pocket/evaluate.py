@@ -1,118 +1,158 @@
-"""Paint six plain words on the two unseen meshes and measure what came out; a table and one picture.
+"""The ruler's command line: paint the evaluation's cells, measure them, look at them, and ask the prior by itself.
 
-    python training/pocket/evaluate.py [--meshes spot bob] [--only "red plastic" ...] [--seed 0] [--set optim.steps=60 ...]
+    python evaluate.py classifier [--count 400]           train the retrieval ruler, its accuracy on other shapes
+    python evaluate.py paint [--method guided] [--out NAME] [--part 1/2] [--set group.name=JSON ...]
+    python evaluate.py measure NAME ...                   tables, totals with their spread over seeds, NAME.json
+    python evaluate.py sheet NAME [-o FILE.png]           rows: prompts; columns: mesh and seed
+    python evaluate.py samples [--count 64]               samples without geometry, how many are recognised
+    python evaluate.py unseen FILE.json                   words that no caption held, nearest known meaning
 
-Statistics are over the texels that some camera can see. "Nearest" is by CIE76 in Lab between the mean base colour and
-the true colour of each of the six words. True colours are the words' own: CSS names for the plastics, measured
-reflectance for gold, and a white and a black that porcelain and rubber have. Nothing is tuned per word.
+``paint`` keeps each cell as it is done and skips those it finds, so it can be stopped, resumed, and run by several
+processes (``--part 1/2`` and ``--part 2/2``). What the figures mean: ``ruler.py``, ``ruler_pattern.py``, ``scores.py``.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
+from collections import Counter
 from pathlib import Path
 
+import ruler_classifier
 import torch
-from PIL import Image, ImageDraw, ImageFont
-from torch import Tensor
+from cells import METHODS, Studio, config_of, grid, load, paint_all
+from data import Source
+from gbuffers import WORK
+from probes import SCALE, sample_retrieval, unseen_words
+from ruler import PROMPTS, ROOT
+from ruler_classifier import Recogniser
+from scores import measure, report
+from sheet import contact_sheet
 
-from paintit.color import decode_srgb, encode_srgb
-from paintit.config import PaintConfig, preset
-from paintit.export.finish import finish
-from paintit.export.preview import preview
-from paintit.mesh.mesh import Mesh
-from paintit.mesh.read import read_mesh
-from paintit.paint.painter import Painter
-from paintit.render.geometry import Geometry
-from paintit.render.texels import seen
-from paintit.texture.maps import TextureMaps
+from paintit.device import native_bfloat16
+from paintit.guidance.pocket import PocketPrior
 
-ROOT = Path(__file__).parents[2]
-OUT = ROOT / "outputs" / "words"
-#: The six words of the check: true base colour (linear) and metalness.
-WORDS: dict[str, tuple[Tensor, float]] = {
-    "red plastic": (decode_srgb(torch.tensor([1.0, 0.0, 0.0])), 0.0),
-    "blue plastic": (decode_srgb(torch.tensor([0.0, 0.0, 1.0])), 0.0),
-    "green plastic": (decode_srgb(torch.tensor([0.0, 0.5, 0.0])), 0.0),
-    "polished gold": (torch.tensor([1.0, 0.71, 0.29]), 1.0),
-    "white porcelain": (decode_srgb(torch.tensor([0.93, 0.92, 0.90])), 0.0),
-    "black rubber": (decode_srgb(torch.tensor([0.08, 0.08, 0.08])), 0.0),
-}
+OUT = ROOT / "outputs" / "ruler"
 
 
-def lab(linear: Tensor) -> Tensor:
-    """Linear Rec. 709 (..., 3) -> CIE L*a*b* under D65."""
-    matrix = linear.new_tensor([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-    x = linear @ matrix.T / linear.new_tensor([0.9505, 1.0, 1.089])
-    f = torch.where(x > 216 / 24389, x.clamp_min(1e-9) ** (1 / 3), (24389 / 27 * x + 16) / 116)
-    return torch.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], -1)
+def folder_of(name: str) -> Path:
+    """A folder as named, or the one of that name among the outputs."""
+    return Path(name) if "/" in name else OUT / name
 
 
-def measure(mesh: Mesh, maps: TextureMaps) -> dict[str, list[float] | float | str]:
-    """Means over the texels that a camera sees, the nearest word, and the distance to each."""
-    visible = seen(mesh, Geometry.from_mesh(mesh), maps.size[0])
-    base = maps.base_color[visible].mean(0)
-    distance = {word: float((lab(base) - lab(color)).norm()) for word, (color, _) in WORDS.items()}
-    return {
-        "base_linear": [round(float(c), 3) for c in base],
-        "base_srgb": [round(float(c), 3) for c in encode_srgb(base)],
-        "roughness": round(float(maps.roughness[visible].mean()), 3),
-        "metallic": round(float(maps.metallic[visible].mean()), 3),
-        "nearest": min(distance, key=lambda word: distance[word]),
-        "delta_e": {word: round(d, 1) for word, d in distance.items()},
-    }
+def load_prior(weights: Path | None) -> PocketPrior:
+    quickest = torch.bfloat16 if native_bfloat16(torch.device("cpu")) else torch.float32
+    return PocketPrior(weights, dtype=quickest)
 
 
-def changed(config: PaintConfig, assignments: list[str]) -> PaintConfig:
-    """``config`` with ``group.name=JSON`` replaced."""
-    for assignment in assignments:
-        path, value = assignment.split("=", 1)
-        parsed = json.loads(value)
-        parsed = tuple(parsed) if isinstance(parsed, list) else parsed
-        *groups, name = path.split(".")
-        if groups:
-            group = getattr(config, groups[0])
-            config = dataclasses.replace(config, **{groups[0]: dataclasses.replace(group, **{name: parsed})})
-        else:
-            config = dataclasses.replace(config, **{name: parsed})
-    return config
+def paint(options: argparse.Namespace) -> None:
+    config = config_of(options.method, options.set)
+    prior = None if options.method == "truth" else load_prior(options.weights)
+    studio = Studio(options.method, config, prior, options.seconds)
+    cells = grid(options.meshes, options.prompts, options.seeds, options.part)
+    folder = folder_of(options.out or options.method)
+    for cell, seconds in paint_all(studio, cells, folder):
+        print(f"{cell.name}: {seconds:.1f} s", flush=True)
+
+
+def measure_all(options: argparse.Namespace) -> None:
+    for name in options.names:
+        folder = folder_of(name)
+        print(
+            report(folder.name, measure(folder, ruler_classifier.load(options.ruler)), folder.with_suffix(".json")),
+            flush=True,
+        )
+
+
+def draw_sheet(options: argparse.Namespace) -> None:
+    folder = folder_of(options.name)
+    file = options.output or folder.with_suffix(".png")
+    contact_sheet(folder, [cell for cell, _ in load(folder)], options.size).save(file, optimize=True)
+    print(file)
+
+
+def samples(options: argparse.Namespace) -> None:
+    recogniser = ruler_classifier.load(options.ruler)
+    named, rate, _ = sample_retrieval(
+        load_prior(options.weights), recogniser, options.count, options.seed, options.scale
+    )
+    for prompt, names in named.items():
+        print(f"{prompt:36s}{', '.join(f'{name} {n}' for name, n in Counter(names).most_common())}")
+    print(f"{options.count} samples without geometry: {rate:.3f} recognised (ruler {recogniser.accuracy:.3f})")
+
+
+def unseen(options: argparse.Namespace) -> None:
+    rows = unseen_words(load_prior(options.weights), options.file, options.seed, options.scale)
+    for row in rows:
+        mark = "right" if row["right"] else "WRONG"
+        print(f"{row['word']!s:28s}{mark}  means {row['means']!s:26s} nearest {row['nearest']!s:26s} "
+              f"at {row['distance']}: {row['base_linear']} {row['roughness']} {row['metallic']}")  # fmt: skip
+    print(f"{sum(bool(row['right']) for row in rows)} of {len(rows)} at their known meaning")
+    if options.output:
+        options.output.write_text(json.dumps(rows, indent=1))
+
+
+def classifier(options: argparse.Namespace) -> None:
+    source = Source.open(options.gbuffers)
+    trained = ruler_classifier.train(source, options.count, options.epochs, options.seed)
+    ruler_classifier.save(trained, options.ruler)
+    print(confusions(trained))
+
+
+def confusions(trained: Recogniser) -> str:
+    """Accuracy of each class, and what it was mostly taken for instead."""
+    lines = []
+    for i, name in enumerate(trained.classes):
+        row = trained.confusion[i]
+        wrong = [(int(n), trained.classes[j]) for j, n in enumerate(row) if j != i and n]
+        others = ", ".join(f"{other} {n}" for n, other in sorted(wrong, reverse=True)[:4])
+        lines.append(f"{name:36s}{float(row[i] / row.sum().clamp_min(1)):.2f}  {others}")
+    return "\n".join(lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--meshes", nargs="*", default=["spot", "bob"])
-    parser.add_argument("--only", nargs="*", default=list(WORDS), help="prompts; others than the six are only shown")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--set", nargs="*", default=[], help="settings to change, group.name=JSON")
-    parser.add_argument("--out", type=Path, default=OUT, help="without extension: a .png and a .json are written")
+    commands = parser.add_subparsers(required=True)
+
+    def command(name: str, run) -> argparse.ArgumentParser:
+        added = commands.add_parser(name)
+        added.set_defaults(run=run)
+        added.add_argument("--threads", type=int, default=1)
+        added.add_argument("--weights", type=Path, help="of the prior, instead of those in the package")
+        added.add_argument("--ruler", type=Path, default=ruler_classifier.WEIGHTS, help="the trained classifier")
+        return added
+
+    one = command("paint", paint)
+    one.add_argument("--meshes", nargs="+", default=["spot", "bob"])
+    one.add_argument("--prompts", nargs="+", default=list(PROMPTS))
+    one.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
+    one.add_argument("--set", nargs="*", default=[], help="settings to change, group.name=JSON")
+    one.add_argument("--method", choices=METHODS, default="guided")
+    one.add_argument("--seconds", type=float, help="paint for about so long instead of a number of steps")
+    one.add_argument("--part", default="1/1", help="i/n: the i-th of n equal parts of the cells")
+    one.add_argument("--out", help="name of the folder; the method's by default")
+    two = command("measure", measure_all)
+    two.add_argument("names", nargs="+")
+    three = command("sheet", draw_sheet)
+    three.add_argument("name")
+    three.add_argument("--size", type=int, default=144)
+    three.add_argument("-o", "--output", type=Path)
+    four = command("samples", samples)
+    four.add_argument("--count", type=int, default=64)
+    five = command("unseen", unseen)
+    five.add_argument("file", type=Path)
+    five.add_argument("-o", "--output", type=Path)
+    for added in (four, five):
+        added.add_argument("--scale", type=float, default=SCALE)
+        added.add_argument("--seed", type=int, default=0)
+    six = command("classifier", classifier)
+    six.add_argument("--count", type=int, default=400, help="renders of each class")
+    six.add_argument("--epochs", type=int, default=5)
+    six.add_argument("--seed", type=int, default=0)
+    six.add_argument("--gbuffers", type=Path, default=WORK / "gbuffers")
     options = parser.parse_args()
-    config = dataclasses.replace(changed(preset("pocket"), options.set), seed=options.seed)
-    rows, pictures = [], []
-    for name in options.meshes:
-        path = next((ROOT / "assets" / "meshes").rglob(f"{name}.*"))
-        path = path if path.is_file() else path / f"{name}.obj"
-        mesh = read_mesh(path)
-        for prompt in options.only:
-            painter = Painter(mesh, prompt, config)
-            seconds = sum(step.seconds for step in painter)
-            maps = painter.maps()
-            row = {"mesh": name, "prompt": prompt, "seconds": round(seconds, 1), **measure(mesh, maps)}
-            rows.append(row)
-            print(f"{name:8}{prompt[:42]:44}sRGB {row['base_srgb']}  rough {row['roughness']:.2f}  metal {row['metallic']:.2f}  "
-                  f"nearest {row['nearest']:16} {row['seconds']} s", flush=True)  # fmt: skip
-            picture = preview(mesh, finish(mesh, maps, painter.support), size=256, views=2)
-            ImageDraw.Draw(picture).text((6, 4), prompt, "black", ImageFont.load_default(14))
-            pictures.append(picture)
-    columns = min(3, len(pictures))
-    width, height = pictures[0].size
-    sheet = Image.new("RGB", (columns * width, -(-len(pictures) // columns) * height), "white")
-    for i, picture in enumerate(pictures):
-        sheet.paste(picture, (i % columns * width, i // columns * height))
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    sheet.save(options.out.with_suffix(".png"), optimize=True)
-    options.out.with_suffix(".json").write_text(json.dumps(rows, indent=1))
+    torch.set_num_threads(options.threads)
+    options.run(options)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 import torch
 import torch.nn.functional as F
-from captions import Layer, Material, Split
-from shapes import ACCENT, HEAD, LIMB, TOP
+from captions import Layer, Material
+from patterns import COARSE, FINE, OTHER, Surface, cover
 from torch import Tensor
 
 from paintit.color import decode_srgb, encode_srgb
@@ -17,13 +17,11 @@ from paintit.render.light import Light
 from paintit.render.shade import shade
 
 VOLUME = 96
-#: Channels of the volume, each spread evenly over [0, 1].
-COARSE, FINE, CELL, EDGE, ID, BROAD, OTHER = range(7)
 
 
 @lru_cache(maxsize=1)
 def noise_volume(seed: int = 7, side: int = VOLUME) -> Tensor:
-    """(1, 7, side, side, side), periodic, ranked: the noises that the channel names above list, in that order."""
+    """(1, 7, side, side, side), periodic, each ranked over [0, 1]: the channels that ``patterns`` names, in that order."""
     rng = np.random.default_rng(seed)
     frequency = np.fft.fftfreq(side) * side
     radius = np.sqrt(sum(f**2 for f in np.meshgrid(frequency, frequency, frequency, indexing="ij")))
@@ -69,14 +67,15 @@ def noise_volume(seed: int = 7, side: int = VOLUME) -> Tensor:
 
 
 @dataclass
-class Points:
-    """Hit points of a batch, flattened: (N, 3) tensors, part (N,), and which sample each belongs to (N,)."""
+class Points(Surface):
+    """Hit points of a batch, flattened: a surface, the direction to the eye (N, 3), which sample each belongs to (N,)."""
 
-    position: Tensor
-    normal: Tensor
     view: Tensor
-    part: Tensor
     sample: Tensor
+
+    def of(self, mine: slice) -> Surface:
+        """The points ``mine``."""
+        return Surface(self.position[mine], self.normal[mine], self.part[mine], self.curvature[mine], self.turn[mine])
 
 
 def _lookup(volume: Tensor, coordinates: Tensor) -> Tensor:
@@ -84,80 +83,6 @@ def _lookup(volume: Tensor, coordinates: Tensor) -> Tensor:
     wrapped = coordinates - coordinates.floor()
     grid = (wrapped * 2 - 1).reshape(1, 1, 1, -1, 3)
     return F.grid_sample(volume, grid, mode="bilinear", padding_mode="border", align_corners=False)[0, :, 0, 0].T
-
-
-def _ramp(value: Tensor, share: float, soft: float) -> Tensor:
-    """1 where a ranked value is among the lowest ``share``, with an edge of width ``soft``."""
-    return ((share - value) / max(soft, 1e-3) + 0.5).clamp(0, 1)
-
-
-def _wave(phase: Tensor, share: float, soft: float) -> Tensor:
-    """1 over a ``share`` of each unit period."""
-    return _ramp((phase - phase.floor() - 0.5).abs() * 2, share, soft * 4)
-
-
-def split_mask(split: Split, p: Points, mine: Tensor, noise: Tensor) -> Tensor:
-    """Coverage (n,) of an overlay at the points ``mine`` of one sample; ``noise`` (n, 7) at the split's own scale."""
-    q, normal, part = p.position[mine], p.normal[mine], p.part[mine]
-    warp = (noise[:, BROAD] - 0.5) * 0.6
-    kind, share, soft, scale = split.kind, split.share, split.soft, split.scale
-    if kind in ("patches", "streaks"):
-        return _ramp(noise[:, BROAD], share, soft)
-    if kind == "stripes":
-        return _wave(q[:, 2] * 2.6 * scale + q[:, 1] * 0.6 + warp * 1.6, share, soft)
-    if kind == "bands":
-        return _wave(q[:, 1] * 2.2 * scale + warp * 0.05, share, soft)
-    if kind == "rings":
-        return _wave(
-            ((q[:, 0] + warp * 0.3) ** 2 + (q[:, 2] * 0.6 + warp * 0.4) ** 2).sqrt() * 5 * scale + q[:, 1] * 0.2,
-            share,
-            0.25,
-        )
-    if kind == "veins":
-        return _ramp((noise[:, COARSE] - 0.5).abs() * 2, share, 0.1)
-    if kind == "spots":
-        return _ramp(noise[:, CELL], share, soft)
-    if kind == "rosettes":
-        return _ramp((noise[:, CELL] - 0.42).abs() * 2, share, soft)
-    if kind == "cracks":
-        return _ramp(noise[:, EDGE], share, soft)
-    if kind == "specks":
-        return _ramp(noise[:, FINE], share, 0.15)
-    if kind == "florals":
-        return _ramp((noise[:, OTHER] - 0.5).abs() * 2, share, 0.04) * (noise[:, BROAD] < 0.8)
-    if kind == "checks":
-        return (q * 2.5 * scale).floor().sum(-1) % 2
-    if kind in ("bricks", "tiles"):
-        rows = q[:, 1] * 4 * scale
-        along = (
-            torch.where(normal[:, 0].abs() > normal[:, 2].abs(), q[:, 2], q[:, 0])
-            * 2
-            * scale
-            * (2 if kind == "tiles" else 1)
-        )
-        along = along + (0.5 * (rows.floor() % 2) if kind == "bricks" else 0)
-        edge = torch.minimum(
-            (rows - rows.floor() - 0.5).abs().neg() + 0.5, 2 * (0.5 - (along - along.floor() - 0.5).abs())
-        )
-        return (edge < 0.1).float()
-    if kind == "below":
-        low, high = q[:, 1].min(), q[:, 1].max()
-        return _ramp((q[:, 1] - low) / (high - low).clamp_min(0.3) + warp * 0.05, share, soft)
-    if kind == "up":
-        return _ramp(0.5 - 0.5 * normal[:, 1] + warp * 0.3, share, 0.15)
-    if kind == "belly":  # under and in front
-        return _ramp(0.5 + 0.5 * (normal[:, 1] * 0.75 - normal[:, 2] * 0.45) + warp * 0.15, share, 0.12)
-    if kind == "limbs":
-        return (part == LIMB).float()
-    if kind == "head":
-        return (part == HEAD).float()
-    if kind == "accent":
-        return (part == ACCENT).float()
-    if kind == "top":
-        return (part == TOP).float()
-    if kind == "limbs_accent":
-        return ((part == LIMB) | (part == ACCENT)).float()
-    return torch.zeros(len(q))
 
 
 def _table(layers: list[Layer]) -> Tensor:
@@ -186,12 +111,11 @@ def evaluate(materials: list[Material], p: Points, volume: Tensor, rng: np.rando
         mine = slice(bounds[i], bounds[i + 1])
         if bounds[i] == bounds[i + 1]:
             continue
+        surface = p.of(mine)
         for layer, split in material.overlays:
-            where = torch.arange(bounds[i], bounds[i + 1])
-            coarse = _lookup(volume, p.position[mine] * split.scale * 0.22 + offset[mine].flip(-1))
-            cover = split_mask(split, p, where, coarse)[:, None]
-            value = _evaluate(_table([layer]).expand(len(where), -1), fine[mine])
-            out[mine] = out[mine] + (value - out[mine]) * cover
+            coarse = _lookup(volume, surface.position * split.scale * 0.22 + offset[mine].flip(-1))
+            value = _evaluate(_table([layer]).expand(len(coarse), -1), fine[mine])
+            out[mine] += (value - out[mine]) * cover(split, surface, coarse)[:, None]
     bump = torch.tensor([m.bump for m in materials])[p.sample, None]
     tilt = torch.stack([fine[:, FINE] - 0.5, fine[:, COARSE] - 0.5, fine[:, OTHER] - 0.5], -1)
     return out, F.normalize(p.normal + 2 * bump * tilt, dim=-1)

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import argparse
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import torch
 from captions import HELD_OUT
 from PIL import Image, ImageDraw
+from probes import ddim
 from shapes import FOV, look_at, random_shape, trace
 from torch import Tensor
 
@@ -20,66 +20,52 @@ from paintit.color import decode_srgb
 from paintit.guidance.pocket import PocketPrior
 
 PLAIN = (
-    "red plastic",
-    "blue plastic",
-    "green plastic",
+    "glossy red plastic",
+    "matte blue plastic",
     "polished gold",
+    "brushed steel",
     "white porcelain",
     "black rubber",
-    "brushed steel",
     "polished copper",
     "rusty iron",
     "gold coloured plastic",
-    "oak wood",
     "brown leather",
-    "a zebra",
-    "a leopard",
-    "red brick",
-    "white marble",
-    "a tomato",
-    "a lemon",
-    "crimson velvet",
-    "a bronze statue of a cow",
-    "a green frog",
-    "an emerald ceramic vase",
     "moss",
+    "an emerald ceramic vase",
+    "a zebra",
+    "red brick",
+    "black and white checkered plastic",
+    "red fabric with white polka dots",
+    "leopard fur",
+    "oak wood with visible grain",
+    "a tiger",
+    "a giraffe",
+    "blue and white vertical stripes",
+    "a bronze statue of a cow",
     "a yellow rubber duck",
+    "white marble",
+    "camouflage",
+    "green tartan fabric",
+    "a red fox",
 )
 
 
 def geometry(
     count: int, seed: int = 99, archetypes: tuple[str, ...] = ("quadruped", "vessel", "ball", "bird")
 ) -> dict[str, Tensor]:
-    """View normals and masks (count, 64, 64, c) of new shapes seen from slightly above."""
+    """What the prior sees (count, 64, 64, c) of new shapes seen from slightly above."""
     rng = np.random.default_rng(seed)
-    normals, masks = [], []
-    while len(masks) < count:
+    seen: list[dict[str, Tensor]] = []
+    while len(seen) < count:
         shape = random_shape(rng)
-        if shape.archetype != archetypes[len(masks) % len(archetypes)]:
+        if shape.archetype != archetypes[len(seen) % len(archetypes)]:
             continue
         angle = torch.tensor([rng.uniform(-0.9, 0.9)], dtype=torch.float32)
         b = trace(shape, look_at(angle, torch.tensor([0.3]), 2.6, FOV))
-        normals.append(torch.einsum("vij,vhwj->vhwi", b.frame, b.normal) * b.mask[..., None])
-        masks.append(b.mask[..., None].float())
-    return {"normal": torch.cat(normals), "mask": torch.cat(masks)}
-
-
-@torch.no_grad()
-def ddim(prior: PocketPrior, prompts: list[str], shown: Tensor, scale: float, steps: int, seed: int) -> Tensor:
-    """(n, 8, s, s) samples in [-1, 1], one prompt and one geometry each, deterministic steps."""
-    generator = torch.Generator().manual_seed(seed)
-    text, none = prior.encode_text(prompts), prior.encode_text([""]).expand(len(prompts), -1, -1)
-    x = torch.randn(len(prompts), 8, shown.shape[-1], shown.shape[-1], generator=generator)
-    times = torch.linspace(0.995, 0.0, steps + 1).tolist()
-    for now, after in pairwise(times):
-        both = prior.predict_noise(torch.cat([x, x]), now, torch.cat([none, text]), torch.cat([shown, shown]))
-        without, with_text = both.chunk(2)
-        noise = without + scale * (with_text - without)
-        alpha, sigma = np.cos(now * np.pi / 2), np.sin(now * np.pi / 2)
-        clean = ((x - sigma * noise) / alpha).clamp(-1, 1)
-        noise = (x - alpha * clean) / sigma
-        x = np.cos(after * np.pi / 2) * clean + np.sin(after * np.pi / 2) * noise
-    return x
+        mask = b.mask[..., None].float()
+        normal = torch.einsum("vij,vhwj->vhwi", b.frame, b.normal) * mask
+        seen.append({"normal": normal, "mask": mask, "position": b.position, "normal_object": b.normal})
+    return {name: torch.cat([one[name] for one in seen]) for name in seen[0]}
 
 
 def main() -> None:
@@ -105,8 +91,8 @@ def main() -> None:
     for first in range(0, len(prompts), columns):
         some = prompts[first : first + columns]
         each = [p for p in some for _ in range(a.shapes)]
-        x = ddim(prior, each, shown.repeat(len(some), 1, 1, 1), a.scale, a.steps, a.seed) * 0.5 + 0.5
-        mask = (shown[:, 3:] > 0.9).float().repeat(len(some), 1, 1, 1)
+        x = ddim(prior, each, shown.repeat(len(some), 1, 1, 1), a.seed, a.scale, a.steps)
+        mask = (shown[:, 3:4] > 0.9).float().repeat(len(some), 1, 1, 1)
         mean = (x * mask).sum((2, 3)) / mask.sum((2, 3))
         for i, prompt in enumerate(some):
             m = mean[i * a.shapes : (i + 1) * a.shapes].mean(0)

@@ -420,6 +420,11 @@ class Buffers:
     eye: Tensor
     frame: Tensor
     archetype: str
+    curvature: Tensor
+
+
+#: Step over which mean curvature is measured, and the curvature (1 / length) that counts as 1.
+CURVATURE_STEP, CURVATURE_UNIT = 0.03, 20.0
 
 
 def trace(shape: Shape, cameras: Cameras, size: int = 64) -> Buffers:
@@ -450,7 +455,13 @@ def trace(shape: Shape, cameras: Cameras, size: int = 64) -> Buffers:
     facing = torch.nn.functional.normalize(gradient, dim=-1)
     facing = torch.where((facing * direction[index]).sum(-1, keepdim=True) > 0, -facing, facing)
     position[index], normal[index] = p, facing
-    part[index] = shape.distance(p)[1].to(torch.uint8)
+    middle_distance, nearest = shape.distance(p)
+    part[index] = nearest.to(torch.uint8)
+    laplacian = -4 * middle_distance  # of the distance: the sum of the two principal curvatures, positive where convex
+    for corner in corners:
+        laplacian += shape.distance(p + CURVATURE_STEP * corner)[0]
+    curvature = torch.zeros(n)
+    curvature[index] = (laplacian / (2 * CURVATURE_STEP**2 * CURVATURE_UNIT)).clamp(-1, 1)
     grid = (len(cameras), size, size)
     return Buffers(
         hit.reshape(grid),
@@ -460,19 +471,40 @@ def trace(shape: Shape, cameras: Cameras, size: int = 64) -> Buffers:
         cameras.eye,
         torch.stack(cameras.frame(), 1),
         shape.archetype,
+        curvature.reshape(grid),
     )
 
 
-def random_cameras(shape: Shape, views: int, rng: np.random.Generator) -> Cameras:
-    """Views as the paint loop's, elevation and azimuth uniform; about one in four comes nearer to a part."""
-    angle = lambda low, high: torch.tensor([math.radians(rng.uniform(low, high))], dtype=torch.float32)  # noqa: E731
-    many = []
-    for _ in range(views):
-        target, radius = (0.0, 0.0, 0.0), 3.25
-        if rng.random() < 0.25:
-            primitive = shape.primitives[rng.integers(len(shape.primitives))]
-            target = tuple(float(v) for v in (primitive.center - shape.shift) * shape.scale)
-            radius = float(rng.uniform(1.3, 2.4))
-        many.append(look_at(angle(0, 360), angle(-60, 60), radius, FOV, target))
+#: Close-ups stand this far from a point of the surface, off its normal by up to this angle.
+CLOSE_UP_DISTANCE, CLOSE_UP_TILT_DEG = (0.6, 2.0), 35.0
+
+
+def random_cameras(views: int, rng: np.random.Generator) -> Cameras:
+    """Views of the whole as the paint loop's: elevation and azimuth uniform."""
+    return _cameras([((0.0, 0.0, 0.0), rng.uniform(0, 360), rng.uniform(-60, 60), 3.25) for _ in range(views)])
+
+
+def close_up_cameras(shape: Shape, whole: Buffers, views: int, rng: np.random.Generator) -> Cameras:
+    """Views along the normal of points that the views of the ``whole`` saw, from outside the shape."""
+    points, normals = whole.position[whole.mask], whole.normal[whole.mask]
+    chosen = []
+    for _ in range(20 * views):
+        if len(chosen) == views or not len(points):
+            break
+        i = int(rng.integers(len(points)))
+        x, y, z = normals[i].tolist()
+        tilt = rng.uniform(-CLOSE_UP_TILT_DEG, CLOSE_UP_TILT_DEG, 2)
+        azimuth = math.degrees(math.atan2(x, z)) + tilt[0]
+        elevation = float(np.clip(math.degrees(math.asin(min(max(y, -1), 1))) + tilt[1], -60, 60))
+        camera = (tuple(points[i].tolist()), azimuth, elevation, float(rng.uniform(*CLOSE_UP_DISTANCE)))
+        if float(shape.distance(_cameras([camera]).eye)[0]) > 0.1:
+            chosen.append(camera)
+    return _cameras(chosen) if chosen else random_cameras(views, rng)
+
+
+def _cameras(views: list) -> Cameras:
+    """Cameras from (target, azimuth in degrees, elevation in degrees, distance)."""
+    radians = lambda degrees: torch.tensor([math.radians(degrees)], dtype=torch.float32)  # noqa: E731
+    many = [look_at(radians(a), radians(e), r, FOV, target) for target, a, e, r in views]
     cat = lambda name: torch.cat([getattr(c, name) for c in many])  # noqa: E731
     return Cameras(cat("eye"), cat("target"), cat("azimuth"), cat("elevation"), FOV)

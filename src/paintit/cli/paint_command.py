@@ -131,6 +131,8 @@ def _paint(request: Request, dry_run: bool, console: Console) -> Result:
     job = prepare(request)
     for note in job.mesh.report.notes:
         console.note(note)
+    for word, meaning in job.painter.readings.items():
+        console.note(f"the prior does not know '{word}' and reads it as '{meaning}'")
     console.note(_opening(job))
     with StopAfterStep(console) as stop, Progress(console, job.painter.step, job.painter.total) as progress:
         done = run(job, progress.show, stop.asked)

@@ -1,7 +1,8 @@
 """The pocket prior: a small diffusion model of rendered materials that ships in the package and runs on a CPU.
 
-It denoises, at 32x32, shaded RGB together with base colour, roughness and metalness, and sees view normals. Guidance on
-the material channels is what tells metal from plastic; on shaded RGB alone it does not (training/pocket/README.md).
+It denoises, at 32x32, shaded RGB together with base colour, roughness and metalness, and sees normals and places of the
+surface. Guidance on the material channels is what tells metal from plastic; on shaded RGB alone it does not
+(docs/pocket.md).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from torch import Tensor
 
 from paintit.device import native_bfloat16
 from paintit.errors import PriorError
-from paintit.guidance.pocket_net import PocketConfig, PocketNet, alpha_sigma
+from paintit.guidance.lexicon import Lexicon
+from paintit.guidance.pocket_net import PocketConfig, PocketNet, alpha_sigma, pack_geometry
 from paintit.guidance.prior import PriorSpec, ReadChannel, SeeChannel
 
 #: Channels of each read, in the order of the stack.
@@ -44,7 +46,7 @@ class PocketPrior:
     """
 
     reads: tuple[ReadChannel, ...] = ("shaded", "base_color", "roughness", "metallic")
-    sees: tuple[SeeChannel, ...] = ("normal", "mask")
+    sees: tuple[SeeChannel, ...] = ("normal", "mask", "position", "normal_object")
 
     def __init__(
         self,
@@ -54,13 +56,15 @@ class PocketPrior:
         dtype: torch.dtype = torch.float32,
     ) -> None:
         path = weights_path() if weights is None else Path(weights)
-        config, state, digest = _read(path)
+        config, state, words, digest = _read(path)
         with torch.device("meta"):  # no initialisation: nothing is drawn from torch's global generator
             net = PocketNet(config)
         net.load_state_dict(state, assign=True)
         layout = torch.channels_last
         self.net = net.requires_grad_(False).eval().to(device=device, dtype=dtype, memory_format=layout)  # type: ignore[call-overload]
         self.net.text.float()  # encoded once per paint; words are told apart in float32
+        self.net.text.known = words or None
+        self.lexicon = Lexicon(words)
         self.device, self.dtype = torch.device(device), dtype
         self.spec = PriorSpec(
             id="pocket", family="pocket", revision=digest, licence="Apache-2.0", resolution=config.resolution,
@@ -81,12 +85,17 @@ class PocketPrior:
     def encode_text(self, prompts: Sequence[str]) -> Tensor:
         """(n, 25, width + 1) float32: a summary token, up to 24 words, then zeros; the last feature is 1 where valid.
 
-        One by one, so that a prompt gives the same bits in whatever company.
+        Words that no training caption held are read as their nearest known meaning (:class:`lexicon.Lexicon`). One by
+        one, so that a prompt gives the same bits in whatever company.
         """
         rows = 1 + self.net.config.max_words
-        texts = [self.net.text([prompt]) for prompt in prompts]
+        texts = [self.net.text([self.lexicon.rewrite(prompt) if self.lexicon.known else prompt]) for prompt in prompts]
         valid = [text * text[..., -1:] for text in texts]
         return torch.cat([F.pad(text, (0, 0, 0, rows - text.shape[1])) for text in valid])
+
+    def readings(self, prompt: str) -> dict[str, str]:
+        """Words of the prompt that are read as others: as they stand there -> what they are taken to mean."""
+        return self.lexicon.readings(prompt) if self.lexicon.known else {}
 
     def encode_image(self, channels: Mapping[str, Tensor]) -> Tensor:
         """Channels (n, h, w, c) in [0, 1] -> (n, 8, 32, 32) in [-1, 1], averaged over areas as the training data were.
@@ -104,9 +113,16 @@ class PocketPrior:
 
     @torch.no_grad()
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor:
-        """View normal (zero off the mesh) and mask -> (n, 4, 32, 32)."""
+        """The ``sees`` channels (n, h, w, c) -> (n, 10, 32, 32), see :func:`pocket_net.pack_geometry`."""
         mask = channels["mask"].to(channels["normal"].dtype)
-        return self._resample(torch.cat([channels["normal"] * mask, mask], -1))
+        return pack_geometry(
+            channels["normal"], mask, channels["position"], channels["normal_object"], self.net.config.resolution
+        )
+
+    @torch.no_grad()
+    def mean_material(self, prompt: str) -> Tensor:
+        """(5,) mean base colour (sRGB-coded), roughness and metalness in [0, 1] that the text alone suggests."""
+        return self.net.mean(self.encode_text([prompt])[:, 0, :-1].to(self.dtype))[0].float().clamp(-1, 1) / 2 + 0.5
 
     def add_noise(self, x: Tensor, noise: Tensor, t: float) -> Tensor:
         """x_t = cos(pi t / 2) x + sin(pi t / 2) noise."""
@@ -144,19 +160,20 @@ class PocketPrior:
         return F.adaptive_avg_pool2d(x, side)
 
 
-def _read(path: Path) -> tuple[PocketConfig, dict[str, Tensor], str]:
-    """Configuration, float32 weights, and SHA-256 of a weights file."""
+def _read(path: Path) -> tuple[PocketConfig, dict[str, Tensor], frozenset[str], str]:
+    """Configuration, float32 weights, the words of the training captions, and SHA-256 of a weights file."""
     from safetensors import SafetensorError, safe_open
 
     try:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         with safe_open(str(path), "pt") as file:
-            stored = json.loads((file.metadata() or {})["config"])
+            notes = file.metadata() or {}
+            stored, words = json.loads(notes["config"]), frozenset(json.loads(notes.get("words", "[]")))
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
         known = {f.name for f in dataclasses.fields(PocketConfig)}
         if set(stored) != known:
             raise KeyError(f"settings {sorted(set(stored) ^ known)}")
-        return PocketConfig(**stored), state, digest
+        return PocketConfig(**stored), state, words, digest
     except FileNotFoundError as error:
         message = f"there are no weights at '{path}'"
         raise PriorError("prior.missing", message, "reinstall the package or name another prior") from error

@@ -1,7 +1,9 @@
 """The network of the pocket prior: a small U-Net over stacks of rendered channels, read by hashed words.
 
-Text needs no tokenizer file and no hub: a word is a learned vector looked up by its hash plus the mean vector of its
-character n-grams, so a misspelt or compound word still lands near its parts. One definition for training and use.
+It sees where every pixel lies on the object. A pattern with one phase in object space is then something that can be
+learnt exactly, and that agrees between views and between UV islands. Text needs no tokenizer file and no hub: a word is
+a learned vector looked up by its hash plus the mean vector of its character n-grams, so a misspelt or compound word
+still lands near its parts. One definition for training and use.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from paintit.guidance.places import FEATURES, features
+
 
 @dataclass(frozen=True)
 class PocketConfig:
@@ -23,8 +27,12 @@ class PocketConfig:
 
     channels: int = 8
     """Denoised: shaded RGB, base colour, roughness, metalness."""
-    geometry: int = 4
-    """Conditioning: view normal and mask."""
+    geometry: int = 10
+    """Conditioning: see :func:`pack_geometry`."""
+    pixel: int = 64
+    """Channels of the layers at full resolution."""
+    filters: int = 24
+    """Filters over the features of a place that a sentence makes, and as many that all share."""
     resolution: int = 32
     width: int = 80
     """Channels at half resolution."""
@@ -104,6 +112,8 @@ class TextEncoder(nn.Module):
     def __init__(self, config: PocketConfig) -> None:
         super().__init__()
         self.config = config
+        self.known: frozenset[str] | None = None
+        """Words of the training captions; another's bucket belongs to one of them, so it keeps its n-grams alone."""
         width = config.text_width
         self.word = nn.Embedding(config.words, config.table_width)
         self.gram = nn.EmbeddingBag(config.grams, config.table_width, mode="mean")
@@ -126,6 +136,8 @@ class TextEncoder(nn.Module):
         grams = torch.tensor([g for _, gs in hashed for g in gs], device=device)
         offsets = torch.tensor([0, *[len(gs) for _, gs in hashed][:-1]], device=device).cumsum(0)
         whole = self.word(torch.tensor([w for w, _ in hashed], device=device))
+        if self.known is not None and index:
+            whole = whole * torch.tensor([[float(w in self.known)] for w in index], device=device)
         if word_dropout > 0:
             whole = whole * (torch.rand(len(hashed), 1, generator=generator).to(device) >= word_dropout)
         table = self.lift(whole + self.gram(grams, offsets))
@@ -158,6 +170,51 @@ class ResBlock(nn.Module):
         return x + h
 
 
+def pack_geometry(normal: Tensor, mask: Tensor, position: Tensor, normal_object: Tensor, side: int) -> Tensor:
+    """Conditioning (n, 10, side, side) from (n, h, w, 3), (n, h, w, 1), (n, h, w, 3), (n, h, w, 3).
+
+    View normal (3), mask, position (3) and normal in normalised object space (3), averaged over areas; the position is
+    the mean over what is covered, zero where nothing is.
+    """
+    packed = torch.cat([normal * mask, mask, position * mask, normal_object * mask], -1).permute(0, 3, 1, 2)
+    if min(packed.shape[2:]) < side:
+        packed = F.interpolate(packed, (side, side), mode="bilinear", align_corners=False)
+    else:
+        packed = F.adaptive_avg_pool2d(packed, side)
+    covered = packed[:, 3:4]
+    return torch.cat([packed[:, :4], packed[:, 4:7] / covered.clamp_min(1e-3), packed[:, 7:]], 1)
+
+
+class PixelHead(nn.Module):
+    """The last layers, pixel by pixel at full resolution: the trunk's output, x_t and the place in, v out.
+
+    The sentence chooses what to look for in the features of a place: ``seek`` makes linear filters over them from the
+    condition, one set for each sample.
+    """
+
+    def __init__(self, inputs: int, places: int, filters: int, width: int, outputs: int, condition: int) -> None:
+        super().__init__()
+        self.filters = filters
+        self.seek = nn.Linear(condition, filters * (places + 1))
+        self.look = nn.Linear(places, filters)
+        self.enter = nn.Linear(inputs + 2 * filters, width)
+        self.middle = nn.Linear(width, width)
+        self.leave = nn.Linear(width, outputs)
+        self.film = nn.Linear(condition, 4 * width)
+        nn.init.normal_(self.seek.weight, std=0.3 / math.sqrt(20 * condition))
+        nn.init.zeros_(self.seek.bias)
+        nn.init.zeros_(self.leave.weight)
+
+    def forward(self, x: Tensor, places: Tensor, condition: Tensor) -> Tensor:
+        """(n, pixels, inputs), (n, pixels, places), (n, condition) -> (n, pixels, outputs)."""
+        sought = self.seek(condition).unflatten(-1, (self.filters, -1))
+        found = places @ sought[..., 1:].transpose(1, 2) + sought[..., 0][:, None]
+        scale, shift, scale2, shift2 = self.film(condition)[:, None].chunk(4, -1)
+        h = self.enter(torch.cat([x, F.silu(found), F.silu(self.look(places))], -1))
+        h = F.silu(h * (1 + scale) + shift)
+        return self.leave(F.silu(self.middle(h) * (1 + scale2) + shift2))
+
+
 class PocketNet(nn.Module):
     """v-prediction from a noisy stack, its geometry, the noise level and encoded text."""
 
@@ -168,7 +225,9 @@ class PocketNet(nn.Module):
         self.text = TextEncoder(config)
         self.time = nn.Sequential(nn.Linear(64, c), nn.SiLU(), nn.Linear(c, c))
         self.summary = nn.Linear(config.text_width, c)
-        self.stem = nn.Conv2d(4 * (config.channels + config.geometry), w, 3, padding=1)
+        places = config.geometry + FEATURES
+        self.lift = nn.Linear(places, config.pixel // 2)
+        self.stem = nn.Conv2d(4 * (config.channels + config.pixel // 2), w, 3, padding=1)
         self.encoder = nn.ModuleList([ResBlock(w, c) for _ in range(config.shallow_blocks)])
         self.down = nn.Conv2d(4 * w, d, 1)
         self.middle = nn.ModuleList()
@@ -179,15 +238,28 @@ class PocketNet(nn.Module):
         self.place = nn.Parameter(torch.zeros(1, d, side, side))
         self.up = nn.Conv2d(d, 4 * w, 1)
         self.decoder = nn.ModuleList([ResBlock(w, c) for _ in range(config.shallow_blocks)])
-        self.out_norm, self.out = nn.GroupNorm(8, w), nn.Conv2d(w, 4 * config.channels, 3, padding=1)
-        nn.init.zeros_(self.out.weight)
+        self.out_norm, self.out = nn.GroupNorm(8, w), nn.Conv2d(w, 4 * 2 * config.channels, 3, padding=1)
+        self.head = PixelHead(3 * config.channels, places, config.filters, config.pixel, config.channels, c)
+        self.mean = nn.Linear(config.text_width, 5)
+        """From the summary token: mean base colour (sRGB-coded), roughness, metalness, in [-1, 1]."""
+
+    @staticmethod
+    @torch.no_grad()
+    def places(geometry: Tensor, dtype: torch.dtype) -> Tensor:
+        """(n, s, s, places): the geometry and the features of each place, channels last as the layers here like it."""
+        shown = geometry.float().movedim(1, -1)
+        return torch.cat([shown, features(shown[..., 4:7], shown[..., 7:10])], -1).to(dtype)
 
     def forward(self, x: Tensor, t: Tensor, text: Tensor, geometry: Tensor) -> Tensor:
-        """v (n, channels, s, s) of x (same), t (n,) in [0, 1], text of :class:`TextEncoder`, geometry (n, 4, s, s)."""
+        """v (n, channels, s, s) of x (same), t (n,) in [0, 1], text of :class:`TextEncoder`, geometry (n, 10, s, s)."""
         tokens, valid = text[..., :-1], text[..., -1] > 0.5
         time = self.time(sinusoids(t * 1000, 64, 10000.0).to(tokens.dtype))
         condition = F.silu(time + self.summary(tokens[:, 0]))
-        h = self.stem(F.pixel_unshuffle(torch.cat([x, geometry], 1), 2))
+        low = torch.get_autocast_dtype(x.device.type) if torch.is_autocast_enabled(x.device.type) else x.dtype
+        x = x.to(low)
+        places = self.places(geometry, low)
+        lifted = F.silu(self.lift(places)).movedim(-1, 1)
+        h = self.stem(F.pixel_unshuffle(torch.cat([x, lifted], 1), 2))
         for block in self.encoder:
             h = block(h, condition)
         skip = h
@@ -202,7 +274,9 @@ class PocketNet(nn.Module):
         h = F.pixel_shuffle(self.up(h), 2) + skip
         for block in self.decoder:
             h = block(h, condition)
-        return F.pixel_shuffle(self.out(F.silu(self.out_norm(h))), 2)
+        h = F.pixel_shuffle(self.out(F.silu(self.out_norm(h))), 2)
+        pixels = torch.cat([h.to(low), x], 1).movedim(1, -1)
+        return self.head(pixels.flatten(1, 2), places.flatten(1, 2), condition).unflatten(1, x.shape[2:]).movedim(-1, 1)
 
 
 def alpha_sigma(t: float | Tensor) -> tuple[Tensor, Tensor]:

@@ -13,9 +13,9 @@ from torch import Tensor
 ReadChannel = Literal["shaded", "base_color", "roughness", "metallic"]
 #: Geometry channels that may condition it, each zero where nothing is hit unless said otherwise: ``normal`` (3, view
 #: space, in [-1, 1], x right, y up, z toward the camera), ``depth`` (1, distance along the camera's axis, normalised
-#: space), ``mask`` (1, 1 where the mesh is seen), ``position`` (3, surface point in normalised space; only the exact
-#: prior asks for it).
-SeeChannel = Literal["normal", "depth", "mask", "position"]
+#: space), ``mask`` (1, 1 where the mesh is seen), ``position`` (3, surface point in normalised space),
+#: ``normal_object`` (3, unit normal of the bare mesh in normalised space).
+SeeChannel = Literal["normal", "depth", "mask", "position", "normal_object"]
 
 
 @dataclass(frozen=True)
@@ -69,4 +69,13 @@ class Prior(Protocol):
 
     def weight(self, t: float) -> float:
         """m(t) of eq. 1; 1 - alphabar(t) as the official script has it."""
+        ...
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """A prior with a small vocabulary, which says how it reads words outside it."""
+
+    def readings(self, prompt: str) -> dict[str, str]:
+        """Words as they stand in the prompt -> the known words that they are taken to mean."""
         ...

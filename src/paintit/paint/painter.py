@@ -19,7 +19,7 @@ from paintit.config import PaintConfig
 from paintit.device import choose_device
 from paintit.errors import PaintitError
 from paintit.guidance.load import load_prior
-from paintit.guidance.prior import Prior
+from paintit.guidance.prior import Prior, Reader
 from paintit.guidance.prompt import Prompts
 from paintit.guidance.schedule import sample_t, timestep_range
 from paintit.guidance.sds import sds_gradient
@@ -112,6 +112,13 @@ class Painter:
     def sent_prompts(self) -> tuple[str, ...]:
         """Exactly the texts that the prior may be asked for, the negative one first."""
         return self.prompts.distinct()
+
+    @property
+    def readings(self) -> dict[str, str]:
+        """Words that the prior does not know -> what it takes them to mean; empty for priors that do not say."""
+        if not isinstance(self.prior, Reader):
+            return {}
+        return {word: meaning for text in self.sent_prompts for word, meaning in self.prior.readings(text).items()}
 
     def __iter__(self) -> Iterator[Step]:
         """Run the remaining steps. Stop whenever you like; iterate again to go on."""

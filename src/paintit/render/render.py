@@ -58,13 +58,15 @@ class Channels:
 
     def geometry(self) -> dict[str, Tensor]:
         """What may condition a prior: ``normal`` (n, h, w, 3) of the bare mesh in camera axes, ``depth`` (n, h, w, 1)
-        along the camera's axis, ``mask`` (n, h, w, 1), ``position`` (n, h, w, 3) normalised; zero off the mask."""
+        along the camera's axis, ``mask`` (n, h, w, 1), ``position`` (n, h, w, 3) and ``normal_object`` (n, h, w, 3) of
+        the bare mesh in normalised space; zero off the mask."""
         gbuffer = self.gbuffer
         return {
             "normal": gbuffer.normal_view(),
             "depth": gbuffer.depth[..., None],
             "mask": self.mask,
             "position": gbuffer.position,
+            "normal_object": gbuffer.normal,
         }
 
 

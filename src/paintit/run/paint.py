@@ -203,6 +203,7 @@ def _start(job: Job) -> Record:
         asset=Path(_relative(folder.asset, folder.folder)).as_posix(),
         prompt=job.prompt,
         prompts=_prompts(painter),
+        readings=painter.readings,
         command=records.without_folders(job.request.command),
         started=records.now(),
         seed=painter.config.seed,

@@ -37,6 +37,8 @@ class Record:
     prompt: str = ""
     prompts: tuple[str, ...] = ()
     """Exactly the texts that were sent to the prior."""
+    readings: dict[str, str] = field(default_factory=dict)
+    """Words of the prompt that the prior does not know -> what it took them to mean."""
     command: tuple[str, ...] = ()
     started: str = ""
     """UTC, ISO 8601."""
