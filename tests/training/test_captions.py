@@ -11,22 +11,9 @@ import numpy as np
 import phrases
 import pytest
 import vocabulary
+from ruler import PROMPTS
 
 POCKET = Path(__file__).parents[2] / "training" / "pocket"
-PROMPTS = (
-    "glossy red plastic",
-    "matte blue plastic",
-    "polished gold",
-    "brushed steel",
-    "white porcelain",
-    "black rubber",
-    "a zebra",
-    "red brick",
-    "black and white checkered plastic",
-    "red fabric with white polka dots",
-    "leopard fur",
-    "oak wood with visible grain",
-)
 
 
 @pytest.fixture(scope="module")

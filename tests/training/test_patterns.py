@@ -40,6 +40,18 @@ def test_a_pattern_depends_on_the_place_alone(kind: str) -> None:
     torch.testing.assert_close(again, got[order])
 
 
+#: Their waves are so slow that one side of an object may be all one coat: to be mended with the next training data.
+TOO_SLOW = pytest.mark.xfail(strict=True, reason="the waves of patches are too slow: one side is all one coat")
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=TOO_SLOW if k in ("patches", "streaks") else ()) for k in sorted(CANONICAL)]
+)
+def test_one_side_shows_the_pattern(kind: str) -> None:
+    got = cover(Split(kind, SHARES.get(kind, 0.4)), front(), torch.zeros(64 * 64, 7))
+    assert 0.02 < float(got.mean()) < 0.85, "neither nothing nor all"
+
+
 def test_checks_alternate_every_quarter() -> None:
     x = torch.tensor([-0.4, -0.1, 0.1, 0.3, 0.6])
     position = torch.stack([x, torch.full_like(x, 0.1), torch.zeros_like(x)], -1)
@@ -69,11 +81,12 @@ def test_bricks_are_laid_in_bond() -> None:
 
 
 def test_the_nearest_lattice_point_is_the_nearest() -> None:
-    u, v = torch.rand(200) * 2 - 1, torch.rand(200) * 2 - 1
+    u, v = torch.rand(2, 2000, generator=torch.Generator().manual_seed(0)) * 2 - 1
     near, second, _, _ = hexagonal(u, v, 0.3)
     row, column = torch.meshgrid(torch.arange(-12, 13), torch.arange(-12, 13), indexing="ij")
     points = torch.stack([(column + 0.5 * (row % 2)) * 0.3, row * 0.3 * 3**0.5 / 2], -1).reshape(-1, 2)
-    distance = torch.cdist(torch.stack([u, v], -1), points).sort(1).values
+    offsets = torch.stack([u, v], -1)[:, None] - points  # torch.cdist of this many loses digits near zero
+    distance = offsets.norm(dim=-1).sort(1).values
     torch.testing.assert_close(near, distance[:, 0], atol=1e-5, rtol=0)
     torch.testing.assert_close(second, distance[:, 1], atol=1e-5, rtol=0)
 

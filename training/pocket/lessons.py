@@ -77,28 +77,40 @@ class Reading(nn.Module):
         return (error * target.weights.to(device)).mean() + 0.1 * kind
 
 
+def teach(
+    name: str, loss: Callable[[], Tensor], parameters: list[nn.Parameter], steps: int, fall: Callable[[float], float],
+    log: Log,
+) -> None:  # fmt: skip
+    """AdamW on fresh losses; the rate is 2e-3 after a warm-up, times ``fall`` of the share of steps done."""
+    optimizer = torch.optim.AdamW(parameters, lr=2e-3, weight_decay=1e-4, fused=True)
+    total = 0.0
+    for step in range(steps):
+        for group in optimizer.param_groups:
+            group["lr"] = 2e-3 * min(1, (step + 1) / 50) * fall(step / steps)
+        value = loss()
+        optimizer.zero_grad()
+        value.backward()
+        nn.utils.clip_grad_norm_(parameters, 1.0)
+        optimizer.step()
+        total += float(value.detach())
+        if (step + 1) % 50 == 0:
+            log({"lesson": name, "step": step + 1, "loss": round(total / 50, 4)})
+            total = 0.0
+
+
 def text_lesson(
     net: PocketNet, reading: Reading, sentences: Sentences, steps: int, generator: torch.Generator, log: Log
 ) -> None:
     """Regress base layer, overlay and where it lies from the summary token of fresh sentences."""
-    parameters = [*net.text.parameters(), *reading.parameters()]
-    optimizer = torch.optim.AdamW(parameters, lr=2e-3, weight_decay=1e-4, fused=True)
-    device, total = net.text.summary.device, 0.0
-    for step in range(steps):
-        for group in optimizer.param_groups:
-            group["lr"] = 2e-3 * min(1, (step + 1) / 50) * (1 - 0.85 * step / steps)
+    device = net.text.summary.device
+
+    def loss() -> Tensor:
         texts, target = sentences(256)
         with torch.autocast(device.type, torch.bfloat16):
             summary = net.text(texts, 0.1, generator)[:, 0, :-1].float()
-        loss = reading.loss(summary, target)
-        optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(parameters, 1.0)
-        optimizer.step()
-        total += float(loss.detach())
-        if (step + 1) % 50 == 0:
-            log({"lesson": "text", "step": step + 1, "loss": round(total / 50, 4)})
-            total = 0.0
+        return reading.loss(summary, target)
+
+    teach("text", loss, [*net.text.parameters(), *reading.parameters()], steps, lambda share: 1 - 0.85 * share, log)
 
 
 def place_lesson(net: PocketNet, draw: Callable[[], tuple[Tensor, Tensor, list[str]]], steps: int, log: Log) -> None:
@@ -107,14 +119,8 @@ def place_lesson(net: PocketNet, draw: Callable[[], tuple[Tensor, Tensor, list[s
     ``draw`` gives clean stacks (n, 8, s, s) in [-1, 1], their geometry (n, 10, s, s), and captions. The error of each
     sample counts in proportion to its own variance, or brick, oak and tiles would be drowned by black and white.
     """
-    parameters = [*net.head.parameters(), *net.summary.parameters(), *net.text.parameters()]
-    optimizer = torch.optim.AdamW(parameters, lr=2e-3, weight_decay=1e-4, fused=True)
-    total = 0.0
-    for step in range(steps):
-        for group in optimizer.param_groups:
-            group["lr"] = (
-                2e-3 * min(1, (step + 1) / 50) * (0.05 + 0.95 * (0.5 + 0.5 * math.cos(math.pi * step / steps)))
-            )
+
+    def loss() -> Tensor:
         x, geometry, captions = draw()
         low = torch.bfloat16
         with torch.autocast(x.device.type, low):
@@ -130,12 +136,8 @@ def place_lesson(net: PocketNet, draw: Callable[[], tuple[Tensor, Tensor, list[s
         centred = (x - ((x * weight).sum((2, 3)) / area[:, None])[..., None, None])[:, 3:].square() * weight
         variance = centred.sum((1, 2, 3)) / (5 * area)
         error = ((v.float() + x)[:, 3:].square() * weight).sum((1, 2, 3)) / (5 * area)
-        loss = (error / (variance + FAINT)).mean() * FAINT * 10
-        optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(parameters, 1.0)
-        optimizer.step()
-        total += float(loss.detach())
-        if (step + 1) % 50 == 0:
-            log({"lesson": "place", "step": step + 1, "loss": round(total / 50, 4)})
-            total = 0.0
+        return (error / (variance + FAINT)).mean() * FAINT * 10
+
+    parameters = [*net.head.parameters(), *net.summary.parameters(), *net.text.parameters()]
+    fall = lambda share: 0.05 + 0.95 * (0.5 + 0.5 * math.cos(math.pi * share))  # noqa: E731
+    teach("place", loss, parameters, steps, fall, log)

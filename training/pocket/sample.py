@@ -13,31 +13,22 @@ import torch
 from captions import HELD_OUT
 from PIL import Image, ImageDraw
 from probes import ddim
+from ruler import PROMPTS
 from shapes import FOV, look_at, random_shape, trace
 from torch import Tensor
 
 from paintit.color import decode_srgb
 from paintit.guidance.pocket import PocketPrior
 
-PLAIN = (
-    "glossy red plastic",
-    "matte blue plastic",
-    "polished gold",
-    "brushed steel",
-    "white porcelain",
-    "black rubber",
+#: The evaluation's prompts and some more.
+SHOWN = (
+    *PROMPTS,
     "polished copper",
     "rusty iron",
     "gold coloured plastic",
     "brown leather",
     "moss",
     "an emerald ceramic vase",
-    "a zebra",
-    "red brick",
-    "black and white checkered plastic",
-    "red fabric with white polka dots",
-    "leopard fur",
-    "oak wood with visible grain",
     "a tiger",
     "a giraffe",
     "blue and white vertical stripes",
@@ -80,7 +71,7 @@ def main() -> None:
     a = parser.parse_args()
     torch.set_num_threads(1)
     prior = PocketPrior(a.weights, dtype=torch.bfloat16)
-    prompts = a.prompts or [*PLAIN, *sorted(HELD_OUT)]
+    prompts = a.prompts or [*SHOWN, *sorted(HELD_OUT)]
     shown = prior.encode_geometry(geometry(a.shapes))
     cell, columns = 64, 12
     rows = -(-len(prompts) // columns)
