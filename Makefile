@@ -1,5 +1,5 @@
 # make paint    install, paint the bundled cow with the built-in prior, print the path of a GLB
-# make test     install, run the tests (about ten minutes on two cores)
+# make test     install, run the tests (about five minutes on two cores)
 # make lint     ruff, pyright, the layer contract
 # make bench    seconds per step, split by stage, at three mesh sizes; ratios within one run
 # make test-slow  the checks that take minutes each
@@ -8,7 +8,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-PROMPT ?= a zebra
+PROMPT ?= a brown and white dairy cow with short fur
 MESH   ?= assets/meshes/spot/spot.obj
 OUTPUT ?= outputs/spot.glb
 

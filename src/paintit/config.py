@@ -135,6 +135,8 @@ class GuidanceConfig:
     """Range of t at the last step."""
     reads: tuple[str, ...] = ()
     """Channels to guide; empty: all that the prior reads."""
+    placement: Literal["seed", "fixed"] = "seed"
+    """Where a prior that ties patterns to places is told that the object lies: one for each ``seed``, or ``fixed``."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ POCKET = PaintConfig(
     ),
     views=ViewConfig(size=64, background=0.5, close_up=0.5),
     prompt=PromptConfig(template="{prompt}", negative=""),
-    guidance=GuidanceConfig(prior="pocket", scale=4.0, scale_end=2.0, t_start=(0.7, 0.99), t_end=(0.5, 0.95)),
+    guidance=GuidanceConfig(prior="pocket", scale=3.0, scale_end=1.5, t_start=(0.6, 0.99), t_end=(0.3, 0.9)),
     optim=OptimConfig(steps=150, lr=3e-3),
 )
 """The default: the prior that ships in the package, on two CPU cores."""

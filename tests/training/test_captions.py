@@ -10,6 +10,7 @@ import classes
 import numpy as np
 import phrases
 import pytest
+import surfaces
 import vocabulary
 from ruler import PROMPTS
 
@@ -17,14 +18,14 @@ POCKET = Path(__file__).parents[2] / "training" / "pocket"
 
 
 @pytest.fixture(scope="module")
-def drawn() -> list[tuple[str, phrases.Material]]:
+def drawn() -> list[tuple[str, surfaces.Material]]:
     """8000 sentences and materials over all archetypes, a third of them with the rare kinds favoured."""
     rng = np.random.default_rng(5)
     kinds = captions.ARCHETYPES
     return [captions.random_caption(rng, kinds[i % len(kinds)], 0.5 * (i % 3 == 0)) for i in range(8000)]
 
 
-def layers(material: phrases.Material) -> list[phrases.Layer]:
+def layers(material: surfaces.Material) -> list[surfaces.Layer]:
     return [material.base, *(layer for layer, _ in material.overlays)]
 
 
@@ -32,7 +33,7 @@ def wording(kind: str, words: str) -> vocabulary.Pattern:
     return next(p for p in vocabulary.PATTERNS if p.kind == kind and words in p.words)
 
 
-def test_no_caption_holds_a_sentence_of_the_showcase(drawn: list[tuple[str, phrases.Material]]) -> None:
+def test_no_caption_holds_a_sentence_of_the_showcase(drawn: list[tuple[str, surfaces.Material]]) -> None:
     assert all(captions.held_out(f"a photo of {sentence}, front view") for sentence in captions.HELD_OUT)
     assert not [text for text, _ in drawn if captions.held_out(text)]
 
@@ -49,7 +50,7 @@ def test_the_same_seed_gives_the_same_sentence_and_material() -> None:
     assert one == two
 
 
-def test_sentences_are_clean_and_layers_in_range(drawn: list[tuple[str, phrases.Material]]) -> None:
+def test_sentences_are_clean_and_layers_in_range(drawn: list[tuple[str, surfaces.Material]]) -> None:
     for text, material in drawn:
         assert text == phrases.spelt(text)
         assert not set("{}") & set(text)
@@ -65,10 +66,11 @@ def test_an_stands_before_a_vowel() -> None:
     )
 
 
-def test_shares_of_patterns_and_metals(drawn: list[tuple[str, phrases.Material]]) -> None:
+def test_shares_of_patterns_and_metals(drawn: list[tuple[str, surfaces.Material]]) -> None:
     rng = np.random.default_rng(1)
     plain = [captions.random_caption(rng, captions.ARCHETYPES[i % len(captions.ARCHETYPES)])[1] for i in range(6000)]
-    patterns = np.mean([any(s.kind in vocabulary.CANONICAL for _, s in m.overlays) for m in plain])
+    regular = vocabulary.CANONICAL - {"patches", "streaks", "camouflage", "veins", "cracks", "florals"}
+    patterns = np.mean([any(s.kind in regular for _, s in m.overlays) for m in plain])
     metals = np.mean([m.base.metal > 0.5 for m in plain])
     assert 0.31 < patterns < 0.4
     assert 0.175 < metals < 0.25
@@ -100,7 +102,7 @@ def test_size_words_alone_decide_the_scale_of_a_canonical_pattern() -> None:
     assert scales == {"": {1.0}, "small": {1.6}, "fine": {1.6}, "large": {0.62}, "big": {0.62}}
 
 
-def test_one_sentence_has_one_canonical_split(drawn: list[tuple[str, phrases.Material]]) -> None:
+def test_one_sentence_has_one_canonical_split(drawn: list[tuple[str, surfaces.Material]]) -> None:
     found: dict[str, set[tuple[str, float, float]]] = {}
     for text, material in drawn:
         splits = [s for _, s in material.overlays if s.kind in vocabulary.CANONICAL]
@@ -134,16 +136,16 @@ def test_finish_words_decide_roughness() -> None:
     }
     for word, (low, high) in bounds.items():
         for name in ("plastic", "gold", "steel", "rubber", "porcelain"):
-            rough = [phrases.finished(phrases.family(name, rng), word, rng).base.rough for _ in range(20)]
+            rough = [surfaces.finished(surfaces.family(name, rng), word, rng).base.rough for _ in range(20)]
             assert low <= min(rough) <= max(rough) <= high, (word, name)
 
 
 def test_a_colour_word_means_one_colour() -> None:
     rng = np.random.default_rng(4)
-    reds = np.array([phrases.family("plastic", rng, "red").base.color for _ in range(200)])
+    reds = np.array([surfaces.family("plastic", rng, "red").base.color for _ in range(200)])
     assert np.abs(reds.mean(0) - vocabulary.COLORS["red"]).max() < 0.006
     assert reds.std(0).max() < 0.012
-    brick = phrases.family("brick", rng, "red").base.color
+    brick = surfaces.family("brick", rng, "red").base.color
     assert min(brick[0] - 0.5, brick[1] - 0.2) > 0, "brick red, not signal red"
 
 
@@ -152,27 +154,27 @@ def test_wood_keeps_its_mean_colour_under_visible_grain() -> None:
     for name in ("oak wood", "walnut wood", "pine wood"):
         means = []
         for _ in range(60):
-            material = phrases.family(name, rng)
+            material = surfaces.family(name, rng)
             (dark, where), light = material.overlays[0], material.base
             assert where.kind == "grain"
             assert sum(dark.color) < 0.7 * sum(light.color)
-            dark_and_light = [phrases.decoded(dark.color), phrases.decoded(light.color)]
+            dark_and_light = [surfaces.decoded(dark.color), surfaces.decoded(light.color)]
             means.append(np.average(dark_and_light, axis=0, weights=[where.share, 1 - where.share]))
-        true = phrases.decoded(vocabulary.hex_color(vocabulary.NATURAL[name].colors[0]))
+        true = surfaces.decoded(vocabulary.hex_color(vocabulary.NATURAL[name].colors[0]))
         assert np.allclose(np.mean(means, 0), true, atol=0.01)
 
 
 def test_greys_of_animals_are_never_bluish() -> None:
     rng = np.random.default_rng(7)
     for name in ("koala", "elephant", "wolf", "mouse"):
-        red, _, blue = phrases.decoded(vocabulary.hex_color(vocabulary.ANIMALS[name].colors[0]))
+        red, _, blue = surfaces.decoded(vocabulary.hex_color(vocabulary.ANIMALS[name].colors[0]))
         assert red >= blue, name
-        assert phrases.hide(name, rng).base.metal == 0
+        assert surfaces.hide(name, rng).base.metal == 0
 
 
 def test_animals_wear_their_patterns() -> None:
     rng = np.random.default_rng(8)
-    kinds = {n: phrases.hide(n, rng).overlays[0][1].kind for n in ("zebra", "tiger", "leopard", "cheetah", "giraffe")}
+    kinds = {n: surfaces.hide(n, rng).overlays[0][1].kind for n in ("zebra", "tiger", "leopard", "cheetah", "giraffe")}
     assert kinds == {
         "zebra": "stripes",
         "tiger": "tiger",
@@ -195,7 +197,7 @@ def words() -> frozenset[str]:
     return frozenset(captions.all_words(4000))
 
 
-def test_all_words_holds_every_word_of_a_caption(drawn: list[tuple[str, phrases.Material]]) -> None:
+def test_all_words_holds_every_word_of_a_caption(drawn: list[tuple[str, surfaces.Material]]) -> None:
     known = captions.all_words(25_000)
     assert all(a < b for a, b in pairwise(known))
     said = {w for text, _ in drawn for w in text.replace(",", " ").replace("/", " ").lower().split()}

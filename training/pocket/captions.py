@@ -11,26 +11,26 @@ from functools import cache
 
 import numpy as np
 from phrases import (
-    Layer,
-    Material,
     Phrase,
-    Rng,
-    Split,
     article,
     color_word,
-    family_color,
-    finished,
     hide_phrase,
-    kind_material,
     material_phrase,
     metal_phrase,
     named,
-    over,
     pattern_phrase,
-    pick,
     plain_phrase,
     rust_phrase,
     spelt,
+)
+from surfaces import (
+    Material,
+    Rng,
+    family_color,
+    finished,
+    kind_material,
+    over,
+    pick,
 )
 from subjects import animal_caption, inflatable_caption, person_caption, produce_caption, tree_caption
 from vocabulary import (
@@ -53,7 +53,6 @@ from vocabulary import (
     TINTED,
 )
 
-__all__ = ["HELD_OUT", "Layer", "Material", "Split", "all_words", "held_out", "random_caption"]
 
 #: Sentences of the showcase, never trained on.
 HELD_OUT = frozenset(

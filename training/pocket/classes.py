@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from phrases import (
+from surfaces import (
     Layer,
     Material,
     Rng,

@@ -18,9 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 import torch.nn.functional as F
-from captions import Material, random_caption
+from captions import random_caption
 from gbuffers import ARCHETYPES, MISS, WORK
 from materials import Points, evaluate, noise_volume, render_stack
+from surfaces import Material
 from torch import Tensor
 
 from paintit.guidance.pocket_net import pack_geometry

@@ -5,6 +5,7 @@
     python evaluate.py measure NAME ...                   tables, totals with their spread over seeds, NAME.json
     python evaluate.py sheet NAME [-o FILE.png]           rows: prompts; columns: mesh and seed
     python evaluate.py samples [--count 64]               samples without geometry, how many are recognised
+    python evaluate.py explained [PROMPT ...]             how much of a pattern is known from text and place alone
     python evaluate.py unseen FILE.json                   words that no caption held, nearest known meaning
 
 ``paint`` keeps each cell as it is done and skips those it finds, so it can be stopped, resumed, and run by several
@@ -23,8 +24,8 @@ import torch
 from cells import METHODS, Studio, config_of, grid, load, paint_all
 from data import Source
 from gbuffers import WORK
-from probes import SCALE, sample_retrieval, unseen_words
-from ruler import PROMPTS, ROOT
+from probes import SCALE, explained, sample_retrieval, unseen_words
+from ruler import PATTERNS, PROMPTS, ROOT
 from ruler_classifier import Recogniser
 from scores import measure, report
 from sheet import contact_sheet
@@ -92,6 +93,13 @@ def unseen(options: argparse.Namespace) -> None:
         options.output.write_text(json.dumps(rows, indent=1))
 
 
+def explained_shares(options: argparse.Namespace) -> None:
+    times = (0.98, 0.8, 0.5)
+    print(f"{'explained variance of base colour':40s}" + "".join(f"  t = {t}" for t in times))
+    for prompt, shares in explained(load_prior(options.weights), options.prompts, times, options.gbuffers).items():
+        print(f"{prompt:40s}" + "".join(f"{share:9.2f}" for share in shares), flush=True)
+
+
 def classifier(options: argparse.Namespace) -> None:
     source = Source.open(options.gbuffers)
     trained = ruler_classifier.train(source, options.count, options.epochs, options.seed)
@@ -145,11 +153,16 @@ def main() -> None:
     for added in (four, five):
         added.add_argument("--scale", type=float, default=SCALE)
         added.add_argument("--seed", type=int, default=0)
+    more = ("tiger fur", "giraffe fur", "black and white vertical stripes", "white tiles", "cow hide", "camouflage",
+            "rusty iron")  # fmt: skip
+    seven = command("explained", explained_shares)
+    seven.add_argument("prompts", nargs="*", default=[*PATTERNS, *more])
     six = command("classifier", classifier)
     six.add_argument("--count", type=int, default=400, help="renders of each class")
     six.add_argument("--epochs", type=int, default=5)
     six.add_argument("--seed", type=int, default=0)
-    six.add_argument("--gbuffers", type=Path, default=WORK / "gbuffers")
+    for added in (six, seven):
+        added.add_argument("--gbuffers", type=Path, default=WORK / "gbuffers")
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     options.run(options)

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 import torch.nn.functional as F
-from captions import Layer, Material, random_caption
+from captions import random_caption
 from gbuffers import ARCHETYPES
 from patterns import KINDS
+from surfaces import Layer, Material
 from torch import Tensor, nn
 
 from paintit.guidance.pocket_net import PocketNet, sinusoids

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 import torch
 import torch.nn.functional as F
-from captions import Layer, Material
 from patterns import COARSE, FINE, OTHER, Surface, cover
+from surfaces import Layer, Material
 from torch import Tensor
 
 from paintit.color import decode_srgb, encode_srgb

@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from classes import RETRIEVAL, material_of
-from phrases import Material, Rng, family, finished
-from vocabulary import COLORS, FINISHES, METALS, NATURAL, TINTED
+from surfaces import (
+    FAMILIES,
+    Material,
+    Rng,
+    family,
+    finished,
+)
+from vocabulary import COLORS, FINISHES
 
-FAMILIES = frozenset(METALS) | frozenset(NATURAL) | frozenset(TINTED)
 _CLASS_WORDS = frozenset(RETRIEVAL) | {wording for wordings in RETRIEVAL.values() for wording in wordings}
 
 

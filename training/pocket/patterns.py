@@ -3,7 +3,7 @@
 Most patterns are functions of the place in normalised object space alone, with one fixed phase: the prior is told the
 place of every pixel, so what it learns is sharp, and agrees between views and between UV islands. Regular patterns lie
 on the axis-aligned plane that the surface faces most, as a box projection would put them; an animal's lie across the
-body. Only patches, cracks, veins and the like are random. Lengths are in units of half the object's longest edge;
+body. Only specks and the decoys' blotches are random. Lengths are in units of half the object's longest edge;
 ``Split.scale`` divides them.
 """
 
@@ -14,11 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from captions import Split
 from shapes import ACCENT, HEAD, LIMB, TOP
+from surfaces import Split
 from torch import Tensor
 
-from paintit.guidance.places import across, agate, box, grown, ring
+from paintit.guidance.places import across, agate, box, cloud, grown, ring
 
 #: Channels of the noise volume.
 COARSE, FINE, CELL, EDGE, ID, BROAD, OTHER = range(7)
@@ -90,8 +90,8 @@ def _dots(s: Surface, split: Split) -> Tensor:
 
 
 def _bricks(s: Surface, split: Split) -> Tensor:
-    height, length = 0.22 / split.scale, 0.48 / split.scale
-    mortar = max(split.share * height * length / (height + length), 0.035 / split.scale)
+    height, length = 0.3 / split.scale, 0.66 / split.scale
+    mortar = max(split.share * height * length / (height + length), 0.05 / split.scale)
     u, v = plane(s)
     row = (v / height).floor()
     along = (u / length + 0.5 * (row % 2)) % 1 * length
@@ -100,9 +100,9 @@ def _bricks(s: Surface, split: Split) -> Tensor:
 
 
 def _tiles(s: Surface, split: Split) -> Tensor:
-    side = 0.32 / split.scale
+    side = 0.4 / split.scale
     u, v = (x % side for x in plane(s))
-    return (torch.minimum(u, v) < max(split.share * side / 2, 0.03 / split.scale)).float()
+    return (torch.minimum(u, v) < max(split.share * side / 2, 0.05 / split.scale)).float()
 
 
 def _mosaic(s: Surface, split: Split) -> Tensor:
@@ -205,13 +205,26 @@ def _waves(s: Surface, split: Split) -> Tensor:
     return wave((v + 0.06 * torch.sin(2 * math.pi * u * split.scale / 0.5)) * split.scale / 0.28, split.share)
 
 
-def _patches(s: Surface, turn: float) -> Tensor:
-    """(n,) even over [0, 1]: a sum of slow waves along the axes, ranked by the normal distribution that it nearly has."""
-    total = torch.zeros(len(s.position))
-    for axis, coordinate in enumerate(s.position.unbind(-1)):
-        for k, height in ((1, 0.7), (2, 1.0), (3, 0.6)):
-            total = total + height * torch.sin(k * math.pi * coordinate + turn + 2.4 * axis + 1.7 * k * (axis + 1))
-    return torch.special.ndtr(total / 1.67)
+def _patches(s: Surface, split: Split, shift: float = 0.0) -> Tensor:
+    """Even patches, or small ones where the split is fine."""
+    return ramp(torch.special.ndtr(cloud(s.position, split.scale > 1.2, shift)), split.share, split.soft)
+
+
+def _veins(s: Surface, split: Split) -> Tensor:
+    """Thin lines where a cloud changes sign."""
+    return ramp(cloud(s.position, False, 0.21).abs(), split.share * 0.8, 0.12)
+
+
+def _cracks(s: Surface, split: Split) -> Tensor:
+    """Lines between cells, wider where the split covers more."""
+    one, two, _, _ = hexagonal(*grown(*grown(*plane(s))), 0.46)
+    return ramp(two - one, max(split.share * 0.35, 0.05), split.soft)
+
+
+def _florals(s: Surface, split: Split) -> Tensor:
+    """Petals and stems: quick contour lines, on most of the surface."""
+    line = ramp(cloud(s.position, True, 0.13).abs(), split.share * 1.1, 0.15)
+    return line * (cloud(s.position, False, 0.13) < 0.8)
 
 
 def _belly(s: Surface, warp: Tensor) -> Tensor:
@@ -243,10 +256,13 @@ CANONICAL: dict[str, Callable[[Surface, Split], Tensor]] = {
     "grain": _grain,
     "rings": _rings,
     "waves": _waves,
-    "patches": lambda s, p: ramp(_patches(s, 0.0), p.share, p.soft),
-    "streaks": lambda s, p: ramp(_patches(s, 0.0), p.share, p.soft),
-    "camouflage": lambda s, p: ramp(_patches(s, 2.0), p.share, p.soft),
-    "vertical_stripes": lambda s, p: wave(plane(s)[0] * p.scale / 0.28, p.share),
+    "patches": _patches,
+    "streaks": _patches,
+    "camouflage": lambda s, p: _patches(s, p, 0.29),
+    "veins": _veins,
+    "cracks": _cracks,
+    "florals": _florals,
+    "vertical_stripes": lambda s, p: wave(plane(s)[0] * p.scale / 0.34, p.share),
     "bands": lambda s, p: wave(s.position[:, 1] * p.scale / 0.3 + 0.25, p.share),
     "diagonal_stripes": lambda s, p: wave(sum(plane(s), torch.zeros(1)) * p.scale / 0.4, p.share),
 }
@@ -261,7 +277,7 @@ PARTS = {
 
 #: Every kind of split, "none" first.
 KINDS = (
-    "none", *CANONICAL, *PARTS, "blotches", "veins", "cracks", "specks", "florals", "below", "up", "belly", "edges", "crevices",
+    "none", *CANONICAL, *PARTS, "blotches", "specks", "below", "up", "belly", "edges", "crevices",
 )  # fmt: skip
 
 
@@ -281,10 +297,7 @@ def cover(split: Split, s: Surface, noise: Tensor) -> Tensor:
     random: dict[str, Callable[[], Tensor]] = {
         "none": lambda: torch.zeros_like(y),
         "blotches": lambda: ramp(noise[:, BROAD], share, soft),
-        "veins": lambda: ramp((noise[:, COARSE] - 0.5).abs() * 2, share, 0.1),
-        "cracks": lambda: ramp(noise[:, EDGE], share, soft),
         "specks": lambda: ramp(noise[:, FINE], share, 0.15),
-        "florals": lambda: ramp((noise[:, OTHER] - 0.5).abs() * 2, share, 0.04) * (noise[:, BROAD] < 0.8),
         "below": lambda: ramp((y + 1) / 2 + warp * 0.05, share, soft),
         "up": lambda: ramp(0.5 - 0.5 * s.normal[:, 1] + warp * 0.3, share, 0.15),
         "belly": lambda: _belly(s, warp),

@@ -8,13 +8,18 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import torch
+from data import Source, make_lights, render_materials
+from materials import noise_volume
+from meanings import meaning
 from ruler import FULL_VIEWS, PROMPTS, Truth, ciede2000, constant_maps, lab, light_of, subject, truth_of
 from ruler_classifier import Recogniser, class_of
 from torch import Tensor
 
 from paintit.color import decode_srgb
 from paintit.guidance.pocket import PocketPrior
+from paintit.guidance.pocket_net import alpha_sigma
 from paintit.render.render import render
 
 #: Noise levels of a sample and guidance scale.
@@ -71,6 +76,36 @@ def sample_retrieval(
         named.setdefault(prompt, []).append(name)
     right = sum(name == class_of(prompt) for prompt, name in zip(prompts, found, strict=True))
     return named, right / count, samples
+
+
+@torch.no_grad()
+def explained(
+    prior: PocketPrior, prompts: Sequence[str], times: Sequence[float], gbuffers: Path, count: int = 24, seed: int = 1
+) -> dict[str, list[float]]:
+    """Share of the base colour's variance over ``count`` traced views that one look at noise level t predicts.
+
+    1: the pattern is where the generator puts it; 0: its mean colour and no pattern; below 0: wrong. At t near 1 only the
+    text and the place are left to tell.
+    """
+    rng, source = np.random.default_rng(seed), Source.open(gbuffers)
+    views = np.sort(rng.choice(len(source), count, replace=False))
+    views = views[(source.mask(views).flatten(1).float().mean(1) > 0.05).numpy()]
+    shown, lights, volume = source.geometry(views), make_lights(0)[:1], noise_volume()
+    inside = (shown[:, 3:4] > 0.9).float()
+    found: dict[str, list[float]] = {}
+    for prompt in prompts:
+        clean = render_materials(source, views, [meaning(prompt, rng) for _ in views], rng, lights, volume)[0] * 2 - 1
+        noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(seed))
+        base = clean[:, 3:6]
+        spread = (base - (base * inside).sum((0, 2, 3), keepdim=True) / inside.sum()).square() * inside
+        text = prior.encode_text([prompt]).expand(len(views), -1, -1)
+        for t in times:
+            x_t = prior.add_noise(clean, noise, t)
+            alpha, sigma = alpha_sigma(t)
+            guess = (x_t - sigma * prior.predict_noise(x_t, t, text, shown)) / alpha
+            missed = ((guess[:, 3:6] - base).square() * inside).sum() / spread.sum()
+            found.setdefault(prompt, []).append(1 - float(missed))
+    return found
 
 
 def distance(value: Tensor, truth: Truth) -> float:

@@ -16,8 +16,8 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from meanings import meaning
-from captions import Material
 from materials import Points, evaluate, noise_volume
+from surfaces import Material
 from torch import Tensor
 
 from paintit.color import encode_srgb

@@ -6,23 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 from phrases import (
+    article,
+    color_word,
+    material_phrase,
+    named,
+    two_colors,
+)
+from surfaces import (
     Layer,
     Material,
     Rng,
     Split,
-    article,
     coat_material,
-    color_word,
     finished,
     jittered,
     kind_material,
-    material_phrase,
-    named,
     over,
     patterned,
     pick,
     scaled,
-    two_colors,
 )
 from vocabulary import (
     ANIMALS,

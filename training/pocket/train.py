@@ -32,6 +32,8 @@ WEIGHTS = Path(__file__).parents[2] / "src" / "paintit" / "guidance" / "pocket.s
 EMA = 0.999
 #: Weight of the text encoder's side loss, share of captions and of geometry left out, weight of the background.
 SIDE, NO_TEXT, NO_GEOMETRY, OUTSIDE = 0.1, 0.1, 0.15, 0.2
+#: Noise levels are drawn as a uniform number to this power: more often where painting asks.
+LATE = 0.7
 
 
 def batches(count: int, size: int, generator: torch.Generator):
@@ -93,7 +95,7 @@ class Examples:
         shown[flip, 0] *= -1
         weight = OUTSIDE + (1 - OUTSIDE) * shown[:, 3:4]
         shown = shown * (draw[1] >= NO_GEOMETRY).float()[:, None, None, None]
-        t = 0.02 + 0.98 * draw[2]
+        t = 0.02 + 0.98 * draw[2] ** LATE
         alpha, sigma = (a[:, None, None, None] for a in alpha_sigma(t))
         noise = torch.randn(x.shape, generator=generator).to(self.device)
         return alpha * x + sigma * noise, t, shown, alpha * noise - sigma * x, weight
@@ -134,8 +136,8 @@ def main() -> None:
     )
     parser.add_argument("--batch", type=int, default=48)
     parser.add_argument("--lr", type=float, default=1e-3)
-    parser.add_argument("--text-steps", type=int, default=1500, help="of the first lesson")
-    parser.add_argument("--place-steps", type=int, default=2000, help="of the second lesson")
+    parser.add_argument("--text-steps", type=int, default=2000, help="of the first lesson")
+    parser.add_argument("--place-steps", type=int, default=7000, help="of the second lesson")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--export-minutes", type=float, default=6.0)

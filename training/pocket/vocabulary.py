@@ -823,7 +823,7 @@ CANONICAL = frozenset(
     {
         "checks", "dots", "bricks", "tiles", "mosaic", "plaid", "weave", "scales", "knit", "hexagons", "diamonds", "herringbone",
         "planks", "stripes", "tiger", "vertical_stripes", "bands", "diagonal_stripes", "spots", "rosettes", "cells", "grain",
-        "rings", "waves",
+        "rings", "waves", "patches", "streaks", "camouflage", "veins", "cracks", "florals",
     }
 )  # fmt: skip
 #: Share that the overlay of a kind covers unless a table says otherwise.
@@ -954,7 +954,7 @@ PATTERNS: tuple[Pattern, ...] = (
             "{s}{b} stripes on {a} {m}", "{a} and {b} {s}stripes", "{b} striped {a} {m}{n}", "{m}{n} with {a} and {b} {s}vertical stripes",
         ),
         _STRIPE_SURFACES,
-        weight=2.5,
+        weight=4,
     ),
     Pattern(
         "vertical_stripes",
@@ -970,7 +970,7 @@ PATTERNS: tuple[Pattern, ...] = (
         ("{s}striped {m}{n}", "vertically striped {m}{n}", "black and white {s}vertical stripes", "black and white {s}striped {m}{n}"),
         _STRIPE_SURFACES,
         ("#121212", "#f0efec"),
-        weight=0.8,
+        weight=1.8,
     ),
     Pattern(
         "bands",
@@ -1060,7 +1060,7 @@ PATTERNS: tuple[Pattern, ...] = (
         ),
         ("brick",),
         ("#a4452f", "#c8c0b2"),
-        weight=2.5,
+        weight=3.5,
     ),
     Pattern(
         "tiles",
@@ -1072,7 +1072,7 @@ PATTERNS: tuple[Pattern, ...] = (
         ("#e4e6e4", "#8c8880"),
         weight=2,
     ),
-    Pattern("tiles", ("{s}tiles", "bathroom tiles", "{s}square tiles", "{s}white tiles", "tiled wall", "kitchen tiles"), ("tiles",), ("#e9e9e6", "#8c8880")),
+    Pattern("tiles", ("{s}tiles", "bathroom tiles", "{s}square tiles", "{s}white tiles", "tiled wall", "kitchen tiles"), ("tiles",), ("#e9e9e6", "#8c8880"), weight=1.6),
     Pattern(
         "mosaic",
         (

@@ -62,23 +62,40 @@ def lattice(p: Tensor, q: Tensor, spacing: float) -> list[Tensor]:
     return [(p - half) / spacing, (p + half) / spacing, 2 * half / spacing]
 
 
+def oblique(position: Tensor, quick: bool) -> Tensor:
+    """(..., 8) in turns: plane waves in eight directions spread over the sphere, about 1 or 0.6 long."""
+    index = torch.arange(8, dtype=position.dtype, device=position.device)
+    height, turn = (index + 0.5) / 8, index * math.pi * (3 - math.sqrt(5)) + (0.9 if quick else 0.0)
+    flat = (1 - height.square()).sqrt()
+    direction = torch.stack([flat * turn.cos(), height, flat * turn.sin()], -1)
+    length = (0.62 if quick else 1.05) * (0.85 + 0.3 * (index * 0.618 % 1))
+    return position @ (direction / length[:, None]).T
+
+
+def cloud(position: Tensor, quick: bool, shift: float = 0.0) -> Tensor:
+    """(...,) a smooth field of mean 0, variance about 1, for patches, veins, flowers; ``shift`` makes another."""
+    index = torch.arange(8, dtype=position.dtype, device=position.device)
+    return torch.sin(2 * math.pi * (oblique(position, quick) + index * (0.37 + shift) + shift)).sum(-1) / 2
+
+
 def phases(position: Tensor, normal: Tensor) -> Tensor:
-    """(..., 49) in turns: along the coordinates above at the spacings that the training patterns have."""
+    """(..., PHASES) in turns: along the coordinates above at the spacings that the training patterns have."""
     u, v = box(position, normal)
     bent = grown(u, v)
     twice = grown(*bent)
     body, height = across(position, normal), position[..., 1]
     rows = [
-        *(v / d for d in (0.5, 0.44, 0.28, 0.4, 0.32, 0.16, 0.12, 0.22, 0.64)),
-        *(u / d for d in (0.5, 0.48, 0.28, 0.4, 0.32, 0.16, 0.18, 0.24, 0.6, 1.3)),
-        (u / 0.4 + v / 0.6) / 2, (u / 0.4 - v / 0.6) / 2, (u + v) / 0.4,
+        *(v / d for d in (0.5, 0.6, 0.28, 0.4, 0.3, 0.16, 0.12, 0.22, 0.64)),
+        *(u / d for d in (0.5, 0.66, 0.34, 0.4, 0.33, 0.16, 0.18, 0.24, 0.6, 1.3)),
+        (u / 0.4 + v / 0.6) / 2, (u / 0.4 - v / 0.6) / 2, (u + v) / 0.4, (u + v) / 0.5, (u - v) / 0.5,
+        u / 0.66 + v / 0.6, u / 0.66 - v / 0.6, u / 0.24 + v / 0.32, u / 0.24 - v / 0.32,
         *lattice(u, v, 0.42), *lattice(u, v, 0.28), *lattice(*bent, 0.3), *lattice(*bent, 0.34), *lattice(*twice, 0.46),
         *lattice(*bent, 0.1875),
         body / 0.3, body / 0.27, ring(position) / 0.17, agate(position) / 0.22 + 0.4 * height,
         height / 0.3, height / 0.6, (v + 0.06 * torch.sin(4 * math.pi * u)) / 0.28,
         height / 0.15, body / 0.15,
     ]  # fmt: skip
-    return torch.stack(rows, -1)
+    return torch.cat([torch.stack(rows, -1), oblique(position, False), oblique(position, True)], -1)
 
 
 def features(position: Tensor, normal: Tensor) -> Tensor:
@@ -93,5 +110,5 @@ def features(position: Tensor, normal: Tensor) -> Tensor:
     return torch.cat([facing, angle.sin(), angle.cos()], -1) * known
 
 
-PHASES = 49
+PHASES = 71
 FEATURES = 3 + 2 * (3 * len(COARSE) + 2 * len(FINE) + PHASES)

@@ -68,7 +68,7 @@ class PocketPrior:
         self.device, self.dtype = torch.device(device), dtype
         self.spec = PriorSpec(
             id="pocket", family="pocket", revision=digest, licence="Apache-2.0", resolution=config.resolution,
-            prediction_type="v_prediction", guidance_scale=7.5,
+            prediction_type="v_prediction", guidance_scale=7.5, movable=True,
         )  # fmt: skip
 
     @classmethod

@@ -34,6 +34,8 @@ class PriorSpec:
     prediction_type: str = "epsilon"
     guidance_scale: float = 7.5
     """Default s in uncond + s (cond - uncond)."""
+    movable: bool = False
+    """Whether ``position`` and ``normal_object`` may be told in another frame, so that seeds differ."""
 
 
 @runtime_checkable

@@ -25,6 +25,7 @@ from paintit.guidance.schedule import sample_t, timestep_range
 from paintit.guidance.sds import sds_gradient
 from paintit.mesh.mesh import Mesh
 from paintit.paint.gutters import Gutters
+from paintit.paint.placement import Placement
 from paintit.paint.views import Views, ViewSampler
 from paintit.render.gbuffer import GBuffer, rasterize
 from paintit.render.geometry import Geometry
@@ -98,6 +99,8 @@ class Painter:
         self.light = environment.to(self.device)
         self.geometry = Geometry.from_mesh(mesh, self.device)
         self.sample_views = ViewSampler(mesh, config.views)
+        moved = config.guidance.placement == "seed" and self.prior.spec.movable
+        self.place = Placement(self.streams["placement"] if moved else None)
         self.field = make_field(config.texture, len(mesh.layers), self.streams["field"]).to(self.device)
         self.fill_gutters = Gutters(mesh, config.texture.size, self.device)
         size = config.texture.size
@@ -144,9 +147,8 @@ class Painter:
         scale = guidance.scale
         if guidance.scale_end is not None:
             scale += progress * (guidance.scale_end - scale)
-        gradient, record = sds_gradient(  # eq. 1 and 3
-            self.prior, x, text, negative, t, noise, scale, self.prior.encode_geometry(image.geometry())
-        )
+        geometry = self.prior.encode_geometry(self.place(image.geometry()))
+        gradient, record = sds_gradient(self.prior, x, text, negative, t, noise, scale, geometry)  # eq. 1 and 3
         clock("guidance")
         self.optimizer.zero_grad(set_to_none=True)
         roots, seeds = [x], [gradient]
