@@ -1,6 +1,6 @@
 """Paint the nine bundled meshes with default settings, judge every GLB, and compose the contact sheet.
 
-    python docs/pictures/showcase.py [--only NAME ...] [--sheet-only]
+    python docs/pictures/showcase.py [--only NAME ...] [--sheet-only] [--sheet FILE.png]
 
 For each: `paintit paint` with its prompt, the Khronos validator, Blender (which images feed which inputs, and a Cycles
 render). Needs the `dev` and `judges` extras and `npm ci --prefix tests`. Results go to outputs/showcase/, the sheet to
@@ -84,6 +84,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", choices=list(PAINTS), default=list(PAINTS))
     parser.add_argument("--sheet-only", action="store_true", help="compose from what is there")
+    parser.add_argument(
+        "--sheet", type=Path, default=SHEET, help="where the sheet goes (default: %(default)s)"
+    )
     options, extra = parser.parse_known_args()
     OUT.mkdir(parents=True, exist_ok=True)
     for name in [] if options.sheet_only else options.only:
@@ -92,9 +95,12 @@ def main() -> None:
         print(f"{name:14} paint {found['paint_seconds']:6} s, all {found['wall_seconds']:6} s, "
               f"validator {found['errors']} errors {found['warnings']} warnings, "
               f"{len(found['materials'])} materials in Blender", flush=True)  # fmt: skip
-    SHEET.parent.mkdir(parents=True, exist_ok=True)
-    compose([name for name in PAINTS if (OUT / f"{name}.json").exists()]).save(SHEET, optimize=True)
-    print(SHEET)
+    wanted = options.only if options.sheet_only else PAINTS
+    options.sheet.parent.mkdir(parents=True, exist_ok=True)
+    compose([name for name in PAINTS if name in wanted and (OUT / f"{name}.json").exists()]).save(
+        options.sheet, optimize=True
+    )
+    print(options.sheet)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ Method = Literal["guided", "pixels", "mean-start", "rgb-only", "truth"]
 METHODS: tuple[Method, ...] = ("guided", "pixels", "mean-start", "rgb-only", "truth")
 #: What ``pixels`` changes in the settings. A logit takes Adam's steps alone, where a network's weights add theirs up,
 #: so it needs far larger ones.
-PIXELS = ('texture.kind="pixels"', "texture.tv_weight=1.0", "optim.lr=0.05")
+PIXELS = ('texture.kind="pixels"', "texture.tv_weight=1.0", "optim.lr=0.2")
 #: Steps that are timed to find how many fill a given number of seconds.
 TIMED_STEPS = 4
 

@@ -23,7 +23,7 @@ from paintit.guidance.pocket_net import alpha_sigma
 from paintit.render.render import render
 
 #: Noise levels of a sample and guidance scale.
-STEPS, SCALE = 20, 3.0
+STEPS, SCALE = 20, 1.5
 #: What a difference of 1 in roughness and in metalness weighs beside CIEDE2000 when meanings are told apart.
 ROUGHNESS_WEIGHT, METAL_WEIGHT = 30.0, 60.0
 
