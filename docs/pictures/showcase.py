@@ -84,9 +84,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", choices=list(PAINTS), default=list(PAINTS))
     parser.add_argument("--sheet-only", action="store_true", help="compose from what is there")
-    parser.add_argument(
-        "--sheet", type=Path, default=SHEET, help="where the sheet goes (default: %(default)s)"
-    )
+    parser.add_argument("--sheet", type=Path, default=SHEET, help="where the sheet goes (default: %(default)s)")
     options, extra = parser.parse_known_args()
     OUT.mkdir(parents=True, exist_ok=True)
     for name in [] if options.sheet_only else options.only:
