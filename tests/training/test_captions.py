@@ -69,6 +69,7 @@ def test_an_stands_before_a_vowel() -> None:
 def test_shares_of_patterns_and_metals(drawn: list[tuple[str, surfaces.Material]]) -> None:
     rng = np.random.default_rng(1)
     plain = [captions.random_caption(rng, captions.ARCHETYPES[i % len(captions.ARCHETYPES)])[1] for i in range(6000)]
+    # Patches and the like have places too now, but the shares below are those of regular patterns.
     regular = vocabulary.CANONICAL - {"patches", "streaks", "camouflage", "veins", "cracks", "florals"}
     patterns = np.mean([any(s.kind in regular for _, s in m.overlays) for m in plain])
     metals = np.mean([m.base.metal > 0.5 for m in plain])

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from paintit.guidance.places import across, agate, box, cloud, grown, ring
 
-#: Channels of the noise volume.
+#: Channels of the noise volume; CELL, EDGE and ID are no longer read, and stay so that a data seed gives the same data.
 COARSE, FINE, CELL, EDGE, ID, BROAD, OTHER = range(7)
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Generic
 
 import numpy as np
 from surfaces import (
@@ -12,6 +12,7 @@ from surfaces import (
     OWN_SECOND,
     Material,
     Rng,
+    T,
     Split,
     camouflage,
     family,
@@ -52,15 +53,15 @@ Phrase = tuple[str, str, Material]
 """Noun form ("red plastic"), adjective form ("red plastic", "wooden", "red fabric{n} with white dots"), material."""
 
 
-class Chooser:
-    """Draws names by their weights; the running sums are made once."""
+class Chooser(Generic[T]):
+    """Draws keys by their weights; the running sums are made once."""
 
-    def __init__(self, weights: dict[str, float]) -> None:
-        self.names = tuple(weights)
+    def __init__(self, weights: dict[T, float]) -> None:
+        self.keys = tuple(weights)
         self.sums = np.cumsum(list(weights.values()))
 
-    def __call__(self, rng: Rng) -> str:
-        return self.names[int(np.searchsorted(self.sums, rng.random() * self.sums[-1], side="right"))]
+    def __call__(self, rng: Rng) -> T:
+        return self.keys[int(np.searchsorted(self.sums, rng.random() * self.sums[-1], side="right"))]
 
 
 _metal_name = Chooser({n: k.weight for n, k in METALS.items()})
@@ -228,20 +229,21 @@ def _grimy_words(rng: Rng) -> Phrase:
     )
 
 
-_two_phase = Chooser({"rust": 4, "patina": 1.8, "chipped": 2.2, "painted": 0.8, "gilded": 1.2, "grimy": 2.5})
-_TWO_PHASE: dict[str, Callable[[Rng], Phrase]] = {
-    "rust": rust_phrase,
-    "patina": _patina_words,
-    "chipped": _chipped_words,
-    "painted": _painted_words,
-    "gilded": _gilded_words,
-    "grimy": _grimy_words,
-}
+_two_phase = Chooser(
+    {
+        rust_phrase: 4,
+        _patina_words: 1.8,
+        _chipped_words: 2.2,
+        _painted_words: 0.8,
+        _gilded_words: 1.2,
+        _grimy_words: 2.5,
+    }
+)
 
 
 def two_phase_phrase(rng: Rng) -> Phrase:
     """Rust, verdigris, chipped paint, gilding, worn edges, dirt in crevices, moss and snow on top."""
-    return _TWO_PHASE[_two_phase(rng)](rng)
+    return _two_phase(rng)(rng)
 
 
 def tinted_phrase(rng: Rng) -> Phrase:
@@ -281,20 +283,21 @@ def natural_phrase(rng: Rng) -> Phrase:
     return name, form, material
 
 
-_phrases = Chooser({"metal": 2.6, "tinted": 2.6, "natural": 2.0, "two": 1.5, "pattern": 1.2, "hide": 0.3})
-_PHRASES: dict[str, Callable[[Rng], Phrase]] = {
-    "metal": metal_phrase,
-    "tinted": tinted_phrase,
-    "natural": natural_phrase,
-    "two": two_phase_phrase,
-    "pattern": pattern_phrase,
-    "hide": hide_phrase,
-}
+_phrases = Chooser(
+    {
+        metal_phrase: 2.6,
+        tinted_phrase: 2.6,
+        natural_phrase: 2.0,
+        two_phase_phrase: 1.5,
+        pattern_phrase: 1.2,
+        hide_phrase: 0.3,
+    }
+)
 
 
 def material_phrase(rng: Rng) -> Phrase:
     """Any material, metals about a quarter."""
-    return _PHRASES[_phrases(rng)](rng)
+    return _phrases(rng)(rng)
 
 
 def plain_phrase(rng: Rng) -> Phrase:
