@@ -98,6 +98,7 @@ def test_distance_counts_a_swap_once_and_stops_at_the_limit():
         ("a Corduroy sofa", "a velvet sofa"),
         ("a Holstein cow, side view", "a dairy cow, side view"),
         ("a moggy", "a cat"),
+        ("two British shorthairs", "two cat"),
         ("mother-of-pearl bowl", "pearl bowl"),
         ("gold plated steel", "polished gold steel"),
         ("a  gleaming, grimy   amphora!", "a  shiny, dirty   vase!"),

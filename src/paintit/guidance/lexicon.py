@@ -3,7 +3,7 @@
 A prior knows the words of its captions and nothing else: to it "vermilion" is a handful of n-grams, and what it paints
 is grey. ``Lexicon(known).rewrite(prompt)`` says the same in known words before the text is encoded. In order:
 
-1. a phrase of two to four words in the table, one of them unknown ("gold leaf", "mother of pearl")
+1. a phrase of two to four words in the table, in any spelling or number, one of them unknown ("mother of pearl")
 2. a known word: never touched, so a prompt of known words comes back as it was, byte for byte
 3. the table, ``lexicon.txt``: ``word<TAB>known words``. It comes before the rules, since a stated meaning beats a
    derived one (a boxer is a dog, not a box)
@@ -202,7 +202,9 @@ class Lexicon:
         for size in range(min(LONGEST, len(words) - i), 1, -1):
             here = words[i : i + size]
             if all(joined[i : i + size - 1]) and not all(word in self.words for word in here):
-                meaning = self._exact(" ".join(here), DEPTH)
+                phrase = " ".join(here)
+                forms = (phrase, *derived(phrase))
+                meaning = next((found for form in forms if (found := self._exact(form, DEPTH)) is not None), None)
                 if meaning is not None:
                     return size, meaning
         if words[i] in self.words or words[i] in STOP:
