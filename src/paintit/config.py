@@ -101,6 +101,8 @@ class ViewConfig:
     """Linear grey behind the mesh."""
     focus: tuple[FocusConfig, ...] = ()
     """Places that half of the views look at closely, in the file's own units; may be repeated."""
+    auto_focus: bool = True
+    """Without ``focus``, half of the views look at the head where the joints of a skin name one; off: --no-focus."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,22 @@ class OptimConfig:
 
 
 @dataclass(frozen=True)
+class LimitConfig:
+    """What a mesh file may ask for before it is refused; raise a limit for a file that you trust."""
+
+    file_mib: int = 2048
+    """Size of the file, and of all the files it names together, in MiB."""
+    faces: int = 20_000_000
+    """Triangles in all; a mesh that is shown twice counts twice."""
+    nodes: int = 100_000
+    """Nodes of a glTF scene, and likewise the primitives that they show."""
+    materials: int = 1000
+    """Materials in use; each is a texture set of its own."""
+    image_megapixels: int = 135
+    """Pixels of one image in millions, by its header."""
+
+
+@dataclass(frozen=True)
 class PaintConfig:
     """One paint, complete."""
 
@@ -165,8 +183,15 @@ class PaintConfig:
     prompt: PromptConfig = field(default_factory=PromptConfig)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
+    limits: LimitConfig = field(default_factory=LimitConfig)
     unwrap: Literal["auto", "always", "never"] = "auto"
     """``auto`` keeps the mesh's own UVs whenever they can be painted on."""
+    pose: str = "rest"
+    """``rest``, or a moment of a glTF animation: NAME@SECONDS, NAME or its number, @SECONDS of the first one."""
+    materials: tuple[str, ...] = ()
+    """Materials to paint, by name, may be repeated; empty: all. The others keep their own look."""
+    exclude: tuple[str, ...] = ()
+    """Materials that are not painted and keep their own look, by name; may be repeated."""
     seed: int = 0
     """Decides every random number."""
     device: str = "auto"
@@ -189,7 +214,7 @@ POCKET = PaintConfig(
     views=ViewConfig(size=64, background=0.5, close_up=0.5),
     prompt=PromptConfig(template="{prompt}", negative=""),
     guidance=GuidanceConfig(prior="pocket", scale=3.0, scale_end=1.5, t_start=(0.6, 0.99), t_end=(0.3, 0.9)),
-    optim=OptimConfig(steps=150, lr=3e-3),
+    optim=OptimConfig(steps=300, lr=3e-3),
 )
 """The default: the prior that ships in the package, on two CPU cores."""
 

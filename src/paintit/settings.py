@@ -199,6 +199,11 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "optim.decay": (0, 1),
     "optim.decay_every": (1, 10_000_000),
     "optim.clip": (0, math.inf),
+    "limits.file_mib": (1, 1_000_000_000),
+    "limits.faces": (1, 1_000_000_000),
+    "limits.nodes": (1, 1_000_000_000),
+    "limits.materials": (1, 1_000_000),
+    "limits.image_megapixels": (1, 1_000_000),
     "seed": (0, 2**63 - 1),
 }
 #: Pairs (low, high), each with the range both ends must lie in.

@@ -47,7 +47,7 @@ def test_flags_may_stand_anywhere() -> None:
 def test_an_alias_sets_what_its_long_name_sets(name: str, alias: str) -> None:
     value = {"texture.size": "64", "light.path": "a.hdr", "views.count": "3", "views.size": "96",
              "views.focus": "1,2,3,4", "prompt.negative": "ugly", "guidance.prior": "sd15",
-             "optim.steps": "3"}[name]  # fmt: skip
+             "optim.steps": "3", "materials": "wood"}[name]  # fmt: skip
     assert settings(alias, value) == settings(f"--{name}", value) != POCKET
 
 

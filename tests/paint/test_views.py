@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from paintit.config import FocusConfig, ViewConfig
+from paintit.mesh.mesh import Layer
 from paintit.mesh.read import read_mesh
 from paintit.paint.views import ViewSampler
 from paintit.render.camera import look_at
@@ -73,6 +74,15 @@ def test_close_ups_meet_their_share_and_look_at_the_surface(spot):
     assert (targets >= low - 1e-5).all()
     assert (targets <= high + 1e-5).all()
     assert targets.std(0).min() > 0.1 * spot.extent / 2
+
+
+def test_close_ups_look_at_what_is_painted(spot):
+    upper = spot.vertices[spot.faces].mean(1)[:, 1] > spot.center[1]
+    halves = dataclasses.replace(
+        spot, face_layer=upper.astype(np.int64), layers=(Layer("lower", painted=False), Layer("upper"))
+    )
+    views = draw(halves, ViewConfig(count=4, close_up=1.0), 50)
+    assert torch.cat([v.cameras.target for v in views])[:, 1].min() > -0.1
 
 
 def test_one_seed_one_sequence(spot):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +11,9 @@ import tyro
 
 from paintit.cli.console import Console, Result
 from paintit.cli.parse import parse
+from paintit.config import LimitConfig, PaintConfig
 from paintit.errors import UsageError
+from paintit.settings import validate
 
 ABOUT = """Write a run or a painted asset as GLB, glTF, OBJ, a folder of PNG maps, a picture or a turntable.
 
@@ -33,10 +35,13 @@ class ExportArguments:
     """Asset (.glb, .gltf, .obj), folder of PNG maps, picture of four views (.png) or turntable (.webp)."""
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace what is there."""
+    limits: LimitConfig = field(default_factory=LimitConfig)
+    """What the file may ask for."""
 
 
 def main(arguments: Sequence[str], console: Console) -> Result:
     given = parse(ExportArguments, arguments, "paintit export", ABOUT)
+    validate(PaintConfig(limits=given.limits))
     if given.path is None:
         raise UsageError("usage.no_path", "no run or asset is given", "write: paintit export PATH -o chair.glb")
     if given.output is None:
@@ -48,7 +53,7 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     target = Path(given.output)
     check_output(target, given.overwrite)
     check_writable(target.parent)
-    asset = load_asset(Path(given.path))
+    asset = load_asset(Path(given.path), given.limits)
     console.note(f"exporting {asset.note}")
     files = write(target, asset.mesh, asset.maps, asset.metadata, given.overwrite)
     return Result(str(target), {"asset": str(target), "files": [str(path) for path in files]})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,10 +13,13 @@ import tyro
 
 from paintit.cli.console import Console, Result, size_text, table
 from paintit.cli.parse import parse
+from paintit.config import LimitConfig, PaintConfig
 from paintit.errors import UsageError
+from paintit.settings import validate
 
 if TYPE_CHECKING:
     from paintit.mesh.inspect import MeshSummary
+    from paintit.mesh.mesh import Mesh
     from paintit.mesh.quality import UVQuality
     from paintit.run.record import Record
 
@@ -33,14 +36,17 @@ class InspectArguments:
 
     path: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="PATH", help_behavior_hint="")] = None
     """Mesh file, painted asset or run folder."""
+    limits: LimitConfig = field(default_factory=LimitConfig)
+    """What the file may ask for."""
 
 
 def main(arguments: Sequence[str], console: Console) -> Result:
     given = parse(InspectArguments, arguments, "paintit inspect", ABOUT)
+    validate(PaintConfig(limits=given.limits))
     if given.path is None:
         raise UsageError("usage.no_path", "no file is given", "write: paintit inspect PATH")
     path = Path(given.path)
-    return _run(path) if path.is_dir() else _mesh(path)
+    return _run(path) if path.is_dir() else _mesh(path, given.limits)
 
 
 def _run(path: Path) -> Result:
@@ -70,19 +76,20 @@ def _record_rows(record: Record) -> list[tuple[str, str]]:
         ("peak memory", size_text(record.peak_memory)),
         ("versions", ", ".join(f"{name} {number}" for name, number in record.versions.items())),
         ("command", shlex.join(record.command)),
+        ("seams", seam_text(record.seam)),
         ("notes", "\n".join(record.notes) or "none"),
     ]
 
 
-def _mesh(path: Path) -> Result:
+def _mesh(path: Path, limits: LimitConfig) -> Result:
     from paintit.mesh.gltf_document import GltfDocument
     from paintit.mesh.inspect import summarize
     from paintit.mesh.read import read_as_it_is, read_mesh
     from paintit.mesh.uv import check
 
-    mesh = read_mesh(path)
+    mesh = read_mesh(path, limits=limits)
     summary = summarize(mesh)
-    own = summary.uv if summary.uv_origin == "file" else check(read_as_it_is(path))
+    own = summary.uv if summary.uv_origin == "file" else check(read_as_it_is(path, limits=limits))
     data: dict[str, Any] = {"kind": "mesh", "mesh": dataclasses.asdict(summary)}
     data["mesh"]["path"] = str(path)
     data["uv_in_file"] = dataclasses.asdict(own)
@@ -92,6 +99,8 @@ def _mesh(path: Path) -> Result:
         data["materials"] = materials(document.json)
         lines = [f"{m['name']}: {', '.join(m['textures']) or 'no textures'}" for m in data["materials"]]
         rows.append(("materials", "\n".join(lines) or "none"))
+        data["seam"] = _seam(mesh, data["materials"])
+        rows.append(("seams", seam_text(data["seam"])))
         if metadata := document.json.get("asset", {}).get("extras"):
             data["metadata"] = metadata
             rows.append(("metadata", _metadata_text(metadata)))
@@ -123,6 +132,28 @@ def _uv_line(uv: UVQuality) -> str:
         f"{uv.islands} islands on {uv.coverage:.1%} of the square, {shared}\n"
         f"{uv.outside_unit:.1%} of corners outside [0, 1], {uv.mirrored_share:.1%} of the area mirrored\n"
         f"{uv.texel_density:.4g} texels per unit of length at {uv.resolution} x {uv.resolution}"
+    )
+
+
+def _seam(mesh: Mesh, described: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """The seam figure of the file's own base colours; None without such textures, or without UVs they fit on."""
+    if mesh.report.uv_origin != "file" or not any("baseColorTexture" in m["textures"] for m in described):
+        return None
+    from paintit.export.read_maps import read_maps
+    from paintit.export.seams import seam_figure
+
+    figure = seam_figure(mesh, read_maps(mesh))
+    return dataclasses.asdict(figure) if figure else None
+
+
+def seam_text(seam: dict[str, Any] | None) -> str:
+    """A ``paintit.export.seams.SeamFigure`` as a dict, in words."""
+    if seam is None:
+        return "not measured: no texture, no seam, or no other edge to compare with"
+    return (
+        f"{seam['ratio']:.2f} times the difference across other edges "
+        f"({seam['seams']:.2f} against {seam['interior']:.2f} in CIELAB), {seam['edges']} edges\n"
+        f"worst {seam['worst']:.2f} at {_point(seam['worst_at'])}"
     )
 
 

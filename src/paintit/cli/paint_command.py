@@ -23,8 +23,9 @@ ABOUT = """Make textures for a mesh from a sentence.
 Example:  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o chair.glb
 
 A preset gives every setting; --config FILE replaces some; flags replace those. Everyday flags: -o --preset --config
---resume --prior --negative --steps --views --seed --texture-size --render-size --light --focus --unwrap --device
---dtype --snapshot-every --preview --turntable --dry-run --overwrite. For every command: --json -v -q --no-color."""
+--resume --prior --negative --steps --views --seed --texture-size --render-size --light --focus --no-focus --pose
+--material --exclude --unwrap --device --dtype --snapshot-every --preview --turntable --dry-run --overwrite. For every
+command: --json -v -q --no-color."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,8 @@ def parse_arguments(arguments: Sequence[str]) -> PaintArguments:
     wants_help = "-h" in arguments or "--help" in arguments
     base = POCKET if wants_help and peek(arguments, "--resume") else defaults(arguments)
     joined = gather(arguments, "--focus", ["--views.focus"])
+    joined = gather(joined, "--material", ["--materials"])
+    joined = gather(joined, "--exclude")
     return parse(PaintArguments, joined, "paintit paint", ABOUT, PaintArguments(settings=base))
 
 
@@ -129,7 +132,7 @@ def _paint(request: Request, dry_run: bool, console: Console) -> Result:
     if dry_run:
         return _plan(request)
     job = prepare(request)
-    for note in job.mesh.report.notes:
+    for note in job.painter.notes:
         console.note(note)
     for word, meaning in job.painter.readings.items():
         console.note(f"the prior does not know '{word}' and reads it as '{meaning}'")

@@ -41,7 +41,10 @@ ALIASES = {
     "prompt.negative": "--negative",
     "guidance.prior": "--prior",
     "optim.steps": "--steps",
+    "materials": "--material",
 }
+#: Flags that turn a setting off, and how tyro spells them.
+OFF = {"--no-focus": "--views.no-auto-focus"}
 _GROUPS = {hint: name for name, hint in get_type_hints(PaintConfig).items() if dataclasses.is_dataclass(hint)}
 _GROUPS[PaintConfig] = ""
 
@@ -103,7 +106,9 @@ def _registry() -> ConstructorRegistry:
         given = info.default if isinstance(info.default, info.type) else info.type()
         helps = _docstrings().get(info.type.__name__, {})
         fields = [
-            StructFieldSpec(name, _type(f"{_GROUPS[info.type]}.{name}", hint), getattr(given, name), helps.get(name))
+            StructFieldSpec(
+                name, _type(f"{_GROUPS[info.type]}.{name}".lstrip("."), hint), getattr(given, name), helps.get(name)
+            )
             for name, hint in get_type_hints(info.type).items()
         ]
         return StructConstructorSpec(info.type, tuple(fields))
@@ -141,7 +146,7 @@ def flags(command: type) -> tuple[str, ...]:
         if any("ositional" in str(m) for m in metadata):
             continue
         if dataclasses.is_dataclass(base):
-            found += _setting_flags(base)
+            found += [*_setting_flags(base), *OFF] if base is PaintConfig else _setting_flags(base, f"{name}.")
             continue
         found.append("--" + name.replace("_", "-"))
         found += [alias for m in metadata for alias in getattr(m, "aliases", None) or ()]
@@ -214,12 +219,14 @@ def parse(command: type[T], arguments: Sequence[str], program: str, about: str, 
         UsageError: an unknown flag, a value that cannot be read, an argument too many.
     """
     _check_flags(arguments, flags(command), program)
+    end = list(arguments).index("--") if "--" in arguments else len(arguments)
+    arguments = [*(OFF.get(token, token) for token in arguments[:end]), *arguments[end:]]
     captured = io.StringIO()
     try:
         with contextlib.redirect_stderr(captured):
             parsed: Any
             parsed, unknown = tyro.cli(
-                command, args=list(arguments), prog=program, description=about, default=default,
+                command, args=arguments, prog=program, description=about, default=default,
                 return_unknown_args=True, registry=_registry(),
                 config=(tyro.conf.HelptextFromCommentsOff,),
             )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +12,9 @@ import tyro
 
 from paintit.cli.console import Console, Result
 from paintit.cli.parse import parse
+from paintit.config import LimitConfig, PaintConfig
 from paintit.errors import UsageError
+from paintit.settings import validate
 
 if TYPE_CHECKING:
     from paintit.mesh.mesh import Mesh
@@ -56,10 +58,13 @@ class UnwrapArguments:
     """File (.glb, .gltf, .obj) with the new texture coordinates and grey maps."""
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace what is there."""
+    limits: LimitConfig = field(default_factory=LimitConfig)
+    """What the file may ask for."""
 
 
 def main(arguments: Sequence[str], console: Console) -> Result:
     given = parse(UnwrapArguments, arguments, "paintit unwrap", ABOUT)
+    validate(PaintConfig(limits=given.limits))
     if given.mesh is None:
         raise UsageError("usage.no_mesh", "no mesh is given", "write: paintit unwrap MESH -o OUT.glb")
     from paintit.mesh.read import read_as_it_is, read_mesh
@@ -68,8 +73,8 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     target = Path(given.output) if given.output is not None else None
     if target is not None:
         _check_target(target, given.overwrite)
-    before = check(read_as_it_is(Path(given.mesh)))
-    mesh = read_mesh(Path(given.mesh), unwrap="always")
+    before = check(read_as_it_is(Path(given.mesh), limits=given.limits))
+    mesh = read_mesh(Path(given.mesh), unwrap="always", limits=given.limits)
     after = check(mesh)
     data: dict[str, Any] = {"before": quality(before), "after": quality(after), "notes": list(mesh.report.notes)}
     if target is None:

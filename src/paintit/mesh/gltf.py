@@ -1,21 +1,27 @@
-"""Triangles of a glTF document in world space: node transforms, skins in rest pose, every material a layer."""
+"""Triangles of a glTF document in world space: node transforms, skins, morph targets, every material a layer."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paintit.errors import MeshError
-from paintit.mesh.gltf_deform import attribute, morphed, skinning, turned
-from paintit.mesh.gltf_document import GltfDocument, gltf_error
+from paintit.mesh.gltf_deform import Skins, attribute, morphed, placed
+from paintit.mesh.gltf_document import GltfDocument
+from paintit.mesh.gltf_scene import Scene, read_scene
+from paintit.mesh.gltf_schema import gltf_error, plain
+from paintit.mesh.gltf_texcoord import TRANSFORM, color_info, paints_transformed, texcoord_of, transformed
+from paintit.mesh.head import Joint, find_head, head_of
+from paintit.mesh.limits import check_limit
 from paintit.mesh.mesh import Floats, Ints, Layer, Part
 from paintit.mesh.parsed import Parsed
+from paintit.mesh.pose import REST, pose_changes
 
-_MAX_DEPTH = 512
+#: Notes that are worth reading; a broken file can give rise to thousands.
+_MAX_NOTES = 40
 
 
 @dataclass(frozen=True)
@@ -30,21 +36,37 @@ class _Piece:
     normals: NDArray[np.float32] | None
     uvs: Floats | None
     faces: Ints
+    on_head: NDArray[np.bool_] | None
 
 
-def read_gltf(document: GltfDocument) -> Parsed:
+@dataclass(frozen=True)
+class _Reading:
+    """What every primitive is read with."""
+
+    document: GltfDocument
+    scene: Scene
+    skins: Skins
+    head: Joint | None
+    notes: list[str]
+
+
+def read_gltf(document: GltfDocument, pose: str = REST) -> Parsed:
     """All triangles of the default scene.
 
+    Args:
+        document: the file; it is not changed, whatever the pose.
+        pose: ``"rest"``, or a moment of an animation: see :func:`paintit.mesh.pose.pose_changes`.
+
     Raises:
-        MeshError: damage, NaN, an index out of range, a node cycle, or no triangle at all.
+        MeshError: damage, NaN, an index out of range, a node cycle, no such pose, too much, or no triangle at all.
     """
-    notes: list[str] = []
-    world, scene = _scene(document, notes)
+    notes: list[str] = list(document.notes)
+    scene = read_scene(document, pose_changes(document, pose, notes), notes)
+    reading = _Reading(document, scene, Skins(document, scene.world), find_head(document), notes)
     pieces: list[_Piece] = []
-    for node_index, mesh_index in _placements(document, scene, notes):
-        mesh = document.item("meshes", mesh_index)
-        for p, primitive in enumerate(mesh.get("primitives", [])):
-            piece = _piece(document, world, node_index, (mesh_index, p), primitive, notes)
+    for node, mesh in scene.shown:
+        for p, primitive in enumerate(document.item("meshes", mesh).get("primitives", [])):
+            piece = _piece(reading, node, (mesh, p), primitive)
             if piece is not None:
                 pieces.append(piece)
     if not pieces:
@@ -53,11 +75,12 @@ def read_gltf(document: GltfDocument) -> Parsed:
             "the mesh has no faces (no triangles in the scene)",
             "export the mesh with its faces; point clouds and curves cannot be painted",
         )
-    return _joined(document, pieces, notes)
+    return _joined(document, _with_transforms(document, pieces, notes), reading.head, notes)
 
 
-def _joined(document: GltfDocument, pieces: list[_Piece], notes: list[str]) -> Parsed:
+def _joined(document: GltfDocument, pieces: list[_Piece], head: Joint | None, notes: list[str]) -> Parsed:
     used = sorted({p.material for p in pieces if p.material is not None})
+    check_limit(document.limits, "materials", len(used), "materials in use")
     layers = [Layer(str(document.item("materials", m).get("name") or "material"), m) for m in used]
     layer_of: dict[int | None, int] = {m: i for i, m in enumerate(used)}
     if any(p.material is None for p in pieces):
@@ -92,108 +115,22 @@ def _joined(document: GltfDocument, pieces: list[_Piece], notes: list[str]) -> P
         smooth=False,
         document=document,
         corner_vertex=np.concatenate([p.faces for p in pieces]),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=_few(notes),
+        head=head_of(head, [(p.positions, p.faces, p.on_head) for p in pieces]),
     )
 
 
-def _scene(document: GltfDocument, notes: list[str]) -> tuple[dict[int, Floats], list[int]]:
-    """World matrix of every node, and the nodes of the default scene in order."""
-    nodes = document.items("nodes")
-    parent: dict[int, int] = {}
-    for i, node in enumerate(nodes):
-        for child in node.get("children", []):
-            document.item("nodes", child)
-            if child in parent or child == i:
-                raise gltf_error("gltf_cycle", f"node {child} has two parents or is its own")
-            parent[child] = i
-    world: dict[int, Floats] = {}
-    order: list[int] = []
-    stack = [(i, np.eye(4), 0) for i in reversed(range(len(nodes))) if i not in parent]
-    while stack:
-        i, above, depth = stack.pop()
-        if depth > _MAX_DEPTH:
-            raise gltf_error("gltf_cycle", f"the nodes are nested deeper than {_MAX_DEPTH}")
-        world[i] = above @ _local(nodes[i], i)
-        order.append(i)
-        stack += [(c, world[i], depth + 1) for c in reversed(nodes[i].get("children", []))]
-    if len(world) < len(nodes):
-        raise gltf_error("gltf_cycle", f"node {min(set(range(len(nodes))) - set(world))} is its own ancestor")
-    scenes = document.items("scenes")
-    if not scenes:
-        return world, order
-    scene = document.item("scenes", document.json.get("scene", 0))
-    members: set[int] = set()
-    todo = list(scene.get("nodes", []))
-    for i in todo:
-        document.item("nodes", i)
-    while todo:
-        i = todo.pop()
-        members.add(i)
-        todo += nodes[i].get("children", [])
-    hidden = sum("mesh" in nodes[i] for i in order if i not in members)
-    if hidden and any("mesh" in nodes[i] for i in members):
-        notes.append(f"left out {hidden} mesh nodes that are not in the default scene")
-    elif hidden:
-        notes.append("the default scene shows no mesh; took all nodes")
-        return world, order
-    return world, [i for i in order if i in members]
-
-
-def _local(node: dict[str, Any], index: int) -> Floats:
-    """4 x 4 local transform of a node."""
-
-    def numbers(key: str, size: int, default: list[float]) -> Floats:
-        value = np.asarray(node.get(key, default), dtype=object)
-        try:
-            found = value.astype(np.float64)
-        except (ValueError, TypeError):
-            found = np.full(0, np.nan)
-        if found.shape != (size,) or not np.isfinite(found).all():
-            raise gltf_error("gltf_invalid", f"'{key}' of node {index} is not {size} numbers")
-        return found
-
-    if "matrix" in node:
-        return numbers("matrix", 16, []).reshape(4, 4).T
-    x, y, z, w = numbers("rotation", 4, [0, 0, 0, 1])
-    length = x * x + y * y + z * z + w * w
-    s = 2.0 / length if length > 0 else 0.0
-    rotation = np.array(
-        [
-            [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-            [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
-            [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
-        ]
-    )
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * numbers("scale", 3, [1, 1, 1])
-    matrix[:3, 3] = numbers("translation", 3, [0, 0, 0])
-    return matrix
-
-
-def _placements(document: GltfDocument, scene: list[int], notes: list[str]) -> Iterator[tuple[int | None, int]]:
-    """(node, mesh) pairs that are shown."""
-    nodes = document.items("nodes")
-    if not any("mesh" in node for node in nodes):
-        if document.items("meshes"):
-            notes.append("no node shows a mesh; took all meshes where they stand")
-        for mesh in range(len(document.items("meshes"))):
-            yield None, mesh
-        return
-    for i in scene:
-        if "mesh" in nodes[i]:
-            if "EXT_mesh_gpu_instancing" in nodes[i].get("extensions", {}):
-                notes.append(f"node {i} is instanced by EXT_mesh_gpu_instancing; read it once")
-            yield i, nodes[i]["mesh"]
+def _few(notes: list[str]) -> tuple[str, ...]:
+    distinct = list(dict.fromkeys(notes))
+    if len(distinct) > _MAX_NOTES:
+        distinct[_MAX_NOTES:] = [f"and {len(distinct) - _MAX_NOTES} more such notes"]
+    return tuple(distinct)
 
 
 def _piece(
-    document: GltfDocument,
-    world: dict[int, Floats],
-    node_index: int | None,
-    where: tuple[int, int],
-    primitive: dict[str, Any],
-    notes: list[str],
+    reading: _Reading, node_index: int | None, where: tuple[int, int], primitive: dict[str, Any]
 ) -> _Piece | None:
+    document, notes = reading.document, reading.notes
     owner = f"primitive {where[1]} of mesh {where[0]}"
     mode = primitive.get("mode", 4)
     if mode in (0, 1, 2, 3):
@@ -204,65 +141,75 @@ def _piece(
     attributes = primitive.get("attributes")
     if not isinstance(attributes, dict) or "POSITION" not in attributes:
         raise gltf_error("gltf_invalid", f"{owner} has no POSITION")
-    _refuse_compressed(document, primitive, attributes["POSITION"], owner)
-    positions = attribute(document, attributes, "POSITION", 3, None, owner).astype(np.float64)
-    normals = attribute(document, attributes, "NORMAL", 3, len(positions), owner) if "NORMAL" in attributes else None
-    material = primitive.get("material")
-    uvs = _uvs(document, attributes, material, len(positions), owner, notes)
-    node = document.item("nodes", node_index) if node_index is not None else {}
-    weights = node.get("weights", document.item("meshes", where[0]).get("weights", []))
-    positions, normals = morphed(document, primitive, weights, positions, normals, owner)
-    if node_index is not None and "skin" in node and "JOINTS_0" in attributes:
-        matrices = skinning(document, world, node["skin"], attributes, len(positions), owner)
-    else:
-        matrices = (world[node_index] if node_index is not None else np.eye(4))[None]
-    faces = _faces(document, primitive, mode, len(positions), owner, notes)
-    if not len(faces):
-        return None
-    positions = (
-        np.einsum("nij,nj->ni", matrices[:, :3, :3], positions) + matrices[:, :3, 3]
-        if len(matrices) > 1
-        else (positions @ matrices[0, :3, :3].T + matrices[0, :3, 3])
-    )
-    if not np.isfinite(positions).all():
-        raise gltf_error("nan", f"POSITION of {owner} is not finite once placed")
-    if normals is not None:
-        normals = turned(normals, matrices)
-    if np.median(np.linalg.det(matrices[:: max(1, len(matrices) // 1000), :3, :3])) < 0:
-        faces = faces[:, [0, 2, 1]]  # a mirrored node turns triangles inside out; glTF says to flip the winding back
-    name = node.get("name") or document.item("meshes", where[0]).get("name") or "mesh"
-    return _Piece(str(name), node_index, where, material, positions, normals, uvs, faces)
-
-
-def _refuse_compressed(document: GltfDocument, primitive: dict[str, Any], position: int, owner: str) -> None:
-    accessor = document.item("accessors", position)
-    view = document.item("bufferViews", accessor["bufferView"]) if "bufferView" in accessor else {}
-    for name, where in (("KHR_draco_mesh_compression", primitive), ("EXT_meshopt_compression", view)):
-        if name in where.get("extensions", {}) and (where is view or "bufferView" not in accessor):
-            raise gltf_error(
-                "gltf_extension", f"{owner} is compressed with {name}", "export the mesh without compression"
-            )
+    accessor = document.item("accessors", attributes["POSITION"])
     if "bufferView" not in accessor and "sparse" not in accessor:
         raise gltf_error("gltf_invalid", f"POSITION of {owner} holds no data")
+    positions = attribute(document, attributes, "POSITION", 3, None, owner).astype(np.float64)
+    count = len(positions)
+    normals = attribute(document, attributes, "NORMAL", 3, count, owner) if "NORMAL" in attributes else None
+    material = primitive.get("material")
+    uvs = _uvs(document, attributes, material, count, owner, notes)
+    mesh = document.item("meshes", where[0])
+    node = reading.scene.nodes[node_index] if node_index is not None else {}
+    weights = node.get("weights", mesh.get("weights", []))
+    positions, normals = morphed(document, primitive, weights, positions, normals, owner)
+    on_head = None
+    if node_index is not None and "skin" in node and "JOINTS_0" in attributes:
+        by = reading.skins.of(node["skin"], attributes, count, owner)
+        on_head = by.share(reading.head.below) > 0.5 if reading.head is not None else None
+    else:
+        by = reading.scene.world[node_index] if node_index is not None else np.eye(4)
+    faces = _faces(document, primitive, mode, count, owner, notes)
+    if not len(faces):
+        return None
+    if "COLOR_0" in attributes:
+        notes.append("vertex colours (COLOR_0) are kept: viewers multiply the painted base colour by them")
+    with np.errstate(over="ignore", invalid="ignore"):
+        positions, normals, inside_out = placed(positions, normals, by)
+    if not np.isfinite(positions).all():
+        raise gltf_error("nan", f"POSITION of {owner} is not finite once placed")
+    if inside_out:
+        faces = faces[:, [0, 2, 1]]  # a mirrored node turns triangles inside out; glTF says to flip the winding back
+    name = plain(str(node.get("name") or mesh.get("name") or "mesh"))
+    return _Piece(name, node_index, where, material, positions, normals, uvs, faces, on_head)
 
 
 def _uvs(
     document: GltfDocument, attributes: dict[str, Any], material: Any, count: int, owner: str, notes: list[str]
 ) -> Floats | None:
-    """The texture coordinates that the material's base colour reads."""
-    texture: Any = {}
-    if material is not None:
-        found = document.item("materials", material)
-        texture = found.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
-    if texture.get("extensions", {}).get("KHR_texture_transform"):
-        notes.append(f"{owner}: KHR_texture_transform of the old base colour is not applied")
-    name = f"TEXCOORD_{texture.get('texCoord', 0)}"
+    """The set of texture coordinates that the material's colour reads, as the vertices hold them."""
+    info = color_info(document.item("materials", material)) if material is not None else None
+    name = f"TEXCOORD_{texcoord_of(info or {})}"
     if name not in attributes and "TEXCOORD_0" in attributes:
         notes.append(f"{owner} has no {name}; took TEXCOORD_0")
         name = "TEXCOORD_0"
     if name not in attributes:
         return None
     return attribute(document, attributes, name, 2, count, owner).astype(np.float64)
+
+
+def _with_transforms(document: GltfDocument, pieces: list[_Piece], notes: list[str]) -> list[_Piece]:
+    """The pieces with the texture transform of their material's colour applied where the material is painted in it."""
+    by_material: dict[int, list[_Piece]] = {}
+    for piece in pieces:
+        if piece.material is not None and piece.uvs is not None:
+            by_material.setdefault(piece.material, []).append(piece)
+    applied: dict[int, dict[str, Any]] = {}
+    for material, mine in by_material.items():
+        info = color_info(document.item("materials", material))
+        if info is None or TRANSFORM not in info.get("extensions", {}):
+            continue
+        name = plain(str(document.item("materials", material).get("name") or f"material {material}"))
+        used = np.concatenate([p.uvs[np.unique(p.faces)] for p in mine if p.uvs is not None])
+        if paints_transformed(info, used):
+            applied[material] = info
+            notes.append(f"'{name}' is painted through the {TRANSFORM} of its colour, which stays")
+        else:
+            notes.append(f"'{name}' is painted without the {TRANSFORM} of its old colour")
+    return [
+        replace(p, uvs=transformed(applied[p.material], p.uvs)) if p.material in applied and p.uvs is not None else p
+        for p in pieces
+    ]
 
 
 def _faces(

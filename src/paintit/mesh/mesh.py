@@ -21,6 +21,8 @@ class Layer:
     """Material name in the file; ``"material"`` where the file has none."""
     source_index: int | None = None
     """Index of the material in the source document, or None where it had none."""
+    painted: bool = True
+    """False: the layer keeps its own look; it is shown and hides what is behind it, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,17 @@ class Source:
 
 
 @dataclass(frozen=True)
+class Head:
+    """Where a rigged body has its head, in the file's units and the pose that was read."""
+
+    joint: str
+    """Name of the joint it was found by."""
+    center: tuple[float, float, float]
+    radius: float
+    """Half of the longest edge of the box around it."""
+
+
+@dataclass(frozen=True)
 class Report:
     """What was found and what was repaired while reading; shown by ``paintit inspect``."""
 
@@ -78,6 +91,7 @@ class Mesh:
             bitangent = w * cross(normal, tangent) (glTF).
         face_layer: (f,) int64 into ``layers``.
         layers, parts, source, report: see their classes.
+        head: of a mesh with a skin, where a joint says that there is one.
     """
 
     vertices: Floats
@@ -91,6 +105,7 @@ class Mesh:
     parts: tuple[Part, ...] = ()
     source: Source | None = None
     report: Report = field(default_factory=Report)
+    head: Head | None = None
 
     @property
     def bounds(self) -> Floats:

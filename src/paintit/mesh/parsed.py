@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from paintit.mesh.mesh import Floats, Ints, Layer, Part
+from paintit.mesh.mesh import Floats, Head, Ints, Layer, Part
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Parsed:
         face_layer: (f,) int64.
         layers, parts, document, corner_vertex: as in ``Mesh`` and ``Source``.
         notes: repairs and oddities.
+        head: as in ``Mesh``.
     """
 
     vertices: Floats
@@ -39,3 +40,4 @@ class Parsed:
     document: Any = None
     corner_vertex: Ints | None = None
     notes: tuple[str, ...] = ()
+    head: Head | None = None

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from paintit.config import ViewConfig
+from paintit.config import FocusConfig, ViewConfig
 from paintit.mesh.mesh import Mesh
 from paintit.render.camera import Cameras, look_at, random_views
 from paintit.rng import uniform
@@ -34,6 +34,19 @@ class Views:
     focus: tuple[str, ...]
 
 
+def focus_regions(mesh: Mesh, config: ViewConfig) -> tuple[FocusConfig, ...]:
+    """The places to look at closely: those that the settings name, else the head where the mesh knows it."""
+    if config.focus or not config.auto_focus or mesh.head is None:
+        return config.focus
+    return (FocusConfig(mesh.head.center, mesh.head.radius),)
+
+
+def focus_note(mesh: Mesh, config: ViewConfig) -> str:
+    """What the views look at without having been told to, in words; empty where there is nothing."""
+    chosen = mesh.head is not None and focus_regions(mesh, config) != config.focus
+    return f"focus on the head (joint '{mesh.head.joint}'); --no-focus turns it off" if chosen and mesh.head else ""
+
+
 class ViewSampler:
     """Draws the views of a step. Normalised space: bounding box centred, longest edge 2.
 
@@ -51,9 +64,10 @@ class ViewSampler:
                 _point((np.asarray(region.center) - mesh.center) * scale),
                 region.radius * scale,
             )
-            for region in config.focus
+            for region in focus_regions(mesh, config)
         ]
-        corners = (mesh.vertices[mesh.faces] - mesh.center) * scale
+        painted = np.array([layer.painted for layer in mesh.layers])[mesh.face_layer]
+        corners = (mesh.vertices[mesh.faces[painted]] - mesh.center) * scale
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._corners = torch.from_numpy(corners.astype(np.float32))
         self._area = torch.from_numpy(np.cumsum(np.linalg.norm(cross, axis=-1)))
@@ -90,7 +104,7 @@ class ViewSampler:
         return Views(_concatenate(batches), tuple(names))
 
     def _close_up(self, generator: torch.Generator) -> Cameras:
-        """One camera near a point drawn uniformly over the surface, looking roughly against its normal."""
+        """One camera near a point drawn uniformly over what is painted, looking roughly against its normal."""
         pick = torch.rand(3, generator=generator, dtype=torch.float64)
         face = int(torch.searchsorted(self._area, pick[0] * self._area[-1]).clamp_max(len(self._area) - 1))
         u, v = pick[1:].float()
