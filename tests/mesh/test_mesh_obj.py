@@ -10,6 +10,8 @@ import pytest
 from paintit.errors import MeshError
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.obj import read_obj
+from paintit.mesh.obj_quick import read_quickly
+from paintit.mesh.obj_statements import read_statements
 from paintit.mesh.read import read_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -135,3 +137,53 @@ def test_bad_statements(tmp_path: Path, text: str, message: str) -> None:
 def test_texture_coordinates_of_one_number(tmp_path: Path) -> None:
     parsed = read_obj(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.25\nvt 0.5\nvt 0.75\nf 1/1 2/2 3/3\n")
     np.testing.assert_allclose(parsed.uvs, [[0.25, 1], [0.5, 1], [0.75, 1]])
+
+
+def test_faces_of_two_corners_are_left_out(tmp_path: Path) -> None:
+    mesh = mesh_of(tmp_path, SQUARE + "f 1/1 2/2\nf 1/1 2/2 3/3\nf 4/4\n")
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert "left out 2 faces with fewer than 3 corners (the first on line 9)" in mesh.report.notes
+
+
+PLAIN = [
+    SQUARE + "f 1/1 2/2 3/3 4/4\n",
+    SQUARE + "vn 0 0 1\no a\nf 1//1 2//1 3//-1\ng b c\nf -4/-4/1 -3/2/-1 -1/4/1\nusemtl red\nf 1 2 4\nf 1/1 2/2\n",
+    "v 0 0 0 1 0 0\nv 1e3 -2.5E-3 .5 1 0 0\n# note\nv 0 1 0 0 0 1\nmtllib a.mtl\nbogus\ns 1\nf 3 2 1\ng\nf 1 2 3",
+    "f 1 2 3\nv 0 0 0\nv 1 0 0\n\nv\t0 1 0  \nl 1 2\nusemtl\nusemtl b\nf\t1 3 2\nusemtl a\nusemtl b\nf 1 2 3\n",
+]
+ODD = [
+    "v 0 0\n",
+    " v 0 0 0\n",
+    "f 1 2 x\n",
+    "f 0 1 2\n",
+    "f 1 2 9\n",
+    "f 1/ 2 3\n",
+    "f 1/1/1/1 2 3\n",
+    "vt 0.5\n",
+    "v 1_0 0 0\n",
+]
+ODD += [
+    "v nan 0 0\n",
+    "f 1 2 3 # note\n",
+    "f 1 2 \\\n3\n",
+    "fo 1 2 3\n",
+    "f 1 2 3.5\n",
+    "f 1 2 99999999999999999999\n",
+    "v 1 2 3x\n",
+]
+
+
+@pytest.mark.parametrize("text", PLAIN)
+def test_the_quick_reader_agrees_with_the_careful_one(text: str) -> None:
+    quick = read_quickly(text.encode(), text.split("\n"))
+    careful = read_statements(text.split("\n"))
+    assert quick is not None
+    for name in careful.__dataclass_fields__:
+        a, b = getattr(quick, name), getattr(careful, name)
+        assert np.array_equal(a, b) and a.dtype == b.dtype if isinstance(b, np.ndarray) else a == b, name
+
+
+@pytest.mark.parametrize("line", ODD)
+def test_the_quick_reader_leaves_odd_files_to_the_careful_one(line: str) -> None:
+    text = PLAIN[0] + line
+    assert read_quickly(text.encode(), text.split("\n")) is None

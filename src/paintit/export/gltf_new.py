@@ -12,6 +12,7 @@ from paintit.export.gltf_assembly import SAMPLER, Assembly
 from paintit.export.image import EncodedMaps, layer_suffixes, png_bytes
 from paintit.export.vertices import split_corners
 from paintit.mesh.mesh import Mesh, Part
+from paintit.texture.fixed import GREY
 
 #: Beyond this many extents from the origin, float32 positions would lose more than about 1/10000 of the mesh's size.
 FAR_ORIGIN = 1000.0
@@ -79,6 +80,9 @@ def new_document(mesh: Mesh, encoded: list[EncodedMaps], metadata: dict[str, Any
     )
     sampler = assembly.append("samplers", dict(SAMPLER))
     for layer, suffix, images in zip(mesh.layers, layer_suffixes(mesh), encoded, strict=True):
+        if not layer.painted:
+            assembly.append("materials", {"name": layer.name, "pbrMetallicRoughness": _factors(), "doubleSided": True})
+            continue
         textures = add_textures(assembly, suffix, images, sampler)
         assembly.append(
             "materials",
@@ -109,6 +113,12 @@ def new_document(mesh: Mesh, encoded: list[EncodedMaps], metadata: dict[str, Any
     return assembly
 
 
+def _factors() -> dict[str, Any]:
+    """The grey that an unpainted layer of such a file is shown in while the others are painted."""
+    red, green, blue, roughness, metallic, *_ = GREY
+    return {"baseColorFactor": [red, green, blue, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
+
+
 def _primitive(
     assembly: Assembly, mesh: Mesh, faces: NDArray[np.int64], layer: int, origin: NDArray[np.float64]
 ) -> dict[str, Any]:
@@ -116,6 +126,12 @@ def _primitive(
     uv = mesh.corner_uvs[faces].astype(np.float32)
     normal = unit(mesh.normals[faces], (0.0, 0.0, 1.0))
     tangent = clean_tangents(mesh.tangents[faces])
+    # Viewers turn the normal of a triangle whose back they see, and tell its back by its winding: where a file's
+    # winding contradicts its normals, the normals are believed.
+    across = np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0])
+    turned = (across * normal.sum(1)).sum(-1) < 0
+    for corners in (position, uv, normal, tangent):
+        corners[turned] = corners[turned][:, ::-1]
     split = split_corners([position, uv, normal, tangent])
     pick = lambda values: values.reshape(-1, values.shape[-1])[split.corner]  # noqa: E731
     return {

@@ -131,14 +131,14 @@ def rasterize_uv(mesh: Mesh, size: int) -> TexelMap:
 
     Args:
         mesh: with texture coordinates on every face.
-        size: texels along each side of each layer.
+        size: texels along each side of each layer. Layers that are not painted own no texels.
     """
     shape = (len(mesh.layers), size, size)
     face = np.full(shape, -1, np.int32).reshape(len(mesh.layers), -1)
     barycentric = np.zeros((len(mesh.layers), size * size, 3), np.float32)
     count = np.zeros((len(mesh.layers), size * size), np.int32)
     uvs = mesh.corner_uvs
-    for layer in range(len(mesh.layers)):
+    for layer in (k for k, found in enumerate(mesh.layers) if found.painted):
         members = np.flatnonzero((mesh.face_layer == layer) & (mesh.face_uvs >= 0).all(1))
         for part in fragments(uvs[members], size):
             texel, first = np.unique(part.texel, return_index=True)  # fragments come in face order within a chunk

@@ -53,6 +53,7 @@ class MeshSummary:
         boundary_edges: edges with one face.
         non_manifold_edges: edges with more than two faces.
         components: connected pieces.
+        inside_out: closed pieces whose triangles are wound so that they face inward, but for cavities of other pieces.
         uv: the texture coordinates as they will be painted.
         uv_origin: ``"file"`` or ``"unwrapped"``.
         notes: what was found and repaired.
@@ -73,6 +74,7 @@ class MeshSummary:
     boundary_edges: int
     non_manifold_edges: int
     components: int
+    inside_out: int
     uv: UVQuality
     uv_origin: str
     notes: tuple[str, ...]
@@ -91,7 +93,8 @@ def summarize(mesh: Mesh, resolution: int = 512) -> MeshSummary:
     boundary, crowded = _edge_counts(welded[(welded != np.roll(welded, 1, axis=1)).all(1)])
     used, compact = np.unique(welded, return_inverse=True)
     compact = compact.reshape(-1, 3)
-    pieces = components(compact[:, [0, 1]].reshape(-1), compact[:, [1, 2]].reshape(-1), len(used))[1]
+    label, pieces = components(compact[:, [0, 1]].reshape(-1), compact[:, [1, 2]].reshape(-1), len(used))
+    inside_out = _inside_out(mesh.vertices[mesh.faces], compact, label, pieces)
     (ax, ay, az), (bx, by, bz) = mesh.bounds.tolist()
     own = set(mesh.report.unwrapped_layers)
     counts = np.bincount(mesh.face_layer, minlength=len(mesh.layers)).tolist()
@@ -114,9 +117,14 @@ def summarize(mesh: Mesh, resolution: int = 512) -> MeshSummary:
         boundary_edges=boundary,
         non_manifold_edges=crowded,
         components=pieces,
+        inside_out=inside_out,
         uv=check(mesh, resolution),
         uv_origin=mesh.report.uv_origin,
-        notes=mesh.report.notes,
+        notes=mesh.report.notes
+        + (
+            (f"{inside_out} closed pieces are wound inside out; they are painted and shown all the same",)
+            * bool(inside_out)
+        ),
     )
 
 
@@ -125,3 +133,24 @@ def _edge_counts(welded: np.ndarray) -> tuple[int, int]:
     edges = np.sort(np.concatenate([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]]), axis=1)
     _, count = np.unique(edges[:, 0] * (int(welded.max(initial=0)) + 1) + edges[:, 1], return_counts=True)
     return int((count == 1).sum()), int((count > 2).sum())
+
+
+def _inside_out(corners: np.ndarray, welded: np.ndarray, label: np.ndarray, pieces: int) -> int:
+    """Closed pieces of negative volume that do not lie within the bounding box of another piece, as inner walls do.
+
+    Args:
+        corners: (f, 3, 3) positions. welded: (f, 3) vertices in [0, len(label)). label: piece of each vertex.
+    """
+    piece = label[welded[:, 0]]
+    edges = np.sort(welded[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    solid = edges[:, 0] != edges[:, 1]
+    _, first, count = np.unique(edges[solid, 0] * len(label) + edges[solid, 1], return_index=True, return_counts=True)
+    closed = np.ones(pieces, bool)
+    closed[np.repeat(piece, 3)[solid][first[count != 2]]] = False
+    low, high = np.full((pieces, 3), np.inf), np.full((pieces, 3), -np.inf)
+    np.minimum.at(low, piece, corners.min(1))
+    np.maximum.at(high, piece, corners.max(1))
+    local = corners - ((low + high) / 2)[piece][:, None]
+    volume = np.bincount(piece, np.linalg.det(local) / 6, pieces)
+    wrong = np.flatnonzero(closed & (volume < -1e-6 * (high - low).max(1) ** 3))
+    return sum(not ((low < low[k]) & (high > high[k])).all(1).any() for k in wrong)

@@ -20,6 +20,8 @@ MIN_COVERAGE = 0.001
 """Share of the texture that a layer must cover; low, because several layers may share one atlas."""
 MAX_REPEATS = 8.0
 """UV area, in whole textures, above which the overlap need not be measured."""
+MAX_UV = 1e6
+"""Texture coordinates beyond this are damage: float32 does not resolve texels there."""
 NEAR = 0.02
 """Places closer than this share of the mesh's extent are not distant."""
 
@@ -44,7 +46,7 @@ class UVQuality:
         resolution: texels along each side of a layer that these were measured at.
         paintable: whether ``unwrap="auto"`` keeps these texture coordinates.
         reason: one sentence why, or why not.
-        layers: the same for each layer alone; empty inside.
+        layers: the same for each painted layer alone; empty inside.
     """
 
     has_uvs: bool
@@ -69,20 +71,19 @@ def check(mesh: Mesh, resolution: int = 512) -> UVQuality:
     """Measure the texture coordinates.
 
     A corner without texture coordinates has ``face_uvs`` -1. A glTF primitive that several nodes show counts once,
-    since its copies cannot be told apart in the texture.
+    since its copies cannot be told apart in the texture. Layers that are not painted are not judged.
 
     Args:
         mesh: any mesh, with or without texture coordinates.
         resolution: texels along each side at which overlap and coverage are counted.
     """
     once = first_instances(mesh)
-    measured = [
-        _check_layer(mesh, np.flatnonzero((mesh.face_layer == k) & once), resolution) for k in range(len(mesh.layers))
-    ]
+    judged = [k for k, layer in enumerate(mesh.layers) if layer.painted]
+    measured = [_check_layer(mesh, np.flatnonzero((mesh.face_layer == k) & once), resolution) for k in judged]
     if len(measured) == 1:
         only = measured[0]
         return UVQuality(**{**{f: getattr(only, f) for f in _FIELDS}, "layers": (only,)})
-    bad = [(layer.name, q) for layer, q in zip(mesh.layers, measured, strict=True) if not q.paintable]
+    bad = [(mesh.layers[k].name, q) for k, q in zip(judged, measured, strict=True) if not q.paintable]
     area = np.array([q.overlap * q.coverage for q in measured])
     covered = np.array([q.coverage for q in measured])
     total, total_covered = max(float(area.sum()), 1e-12), max(float(covered.sum()), 1e-12)
@@ -140,6 +141,8 @@ def _check_layer(mesh: Mesh, faces: Ints, resolution: int) -> UVQuality:
     uv = mesh.corner_uvs[faces]
     if not np.isfinite(uv).all():
         return _unpaintable("some texture coordinates are not finite", resolution)
+    if np.abs(uv).max() > MAX_UV:
+        return _unpaintable(f"some texture coordinates are as large as {np.abs(uv).max():.3g}", resolution)
     signed = _signed_areas(uv)
     area = face_normals(mesh.vertices, mesh.faces[faces])[1]
     size = np.abs(signed)

@@ -53,8 +53,11 @@ def _use_second_diagonal(quads: Floats) -> np.ndarray:
 def _clip_ears(points: Floats) -> Ints:
     """(n - 2, 3) triangles of one polygon, concave or not, by ear clipping in its best-fitting plane."""
     n = len(points)
+    # In the polygon's own scale, so that squares neither overflow nor vanish.
+    points = points - points[0]
+    points = points / max(float(np.abs(points).max()), 1e-300)
     rolled = np.roll(points, -1, axis=0)
-    normal = np.cross(points - points[0], rolled - points[0]).sum(0)  # Newell: twice the vector area
+    normal = np.cross(points, rolled).sum(0)  # Newell: twice the vector area
     length = float(np.linalg.norm(normal))
     if length == 0:
         return np.stack([np.zeros(n - 2, np.int64), np.arange(1, n - 1), np.arange(2, n)], 1)

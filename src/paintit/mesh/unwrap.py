@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from paintit.mesh.mesh import Floats, Ints, Mesh
 from paintit.mesh.normals import face_normals
 from paintit.mesh.quality import first_instances
 from paintit.mesh.tangents import mikktspace
-from paintit.mesh.weld import row_ids
+from paintit.mesh.weld import components, edge_pairs, row_ids
 
 PAGE = 1024
 """Texels along each side of the page that charts are packed into."""
@@ -23,6 +24,15 @@ MIN_PACKING = 0.40
 """Share of the square that a good unwrap covers; below it the other program is tried too."""
 MAX_OVERLAP = 0.005
 """Share of covered texels that may belong to two faces."""
+MAX_PIECES = 4000
+"""Pieces without a sharp edge inside from which on charts would be smaller than the gaps between them."""
+SHARP_DEGREES = 50.0
+"""An edge that bends by more is taken to part two charts."""
+LARGE = 200_000
+"""Faces from which on charts are kept flatter, which takes half the time and a few more charts."""
+
+Program = Callable[[NDArray[np.float32], Ints], Floats]
+"""Points (v, 3) and faces (f, 3) -> texture coordinates (f, 3, 2) in the unit square."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +124,12 @@ def _unwrap_faces(vertices: Floats, faces: Ints, name: str) -> _Result:
         )
     tried: list[_Result] = []
     reasons: list[str] = []
-    for by, program in (("uvunwrap", _uvunwrap), ("xatlas", _xatlas)):
+    for by, program in _programs(points, welded[good]):
         try:
             uv = program(points, welded[good])
-        except Exception as error:  # compiled code: whatever it raises, the other one may still do
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # compiled code: a panic in Rust is no Exception; the other one may still do
             reasons.append(f"{by}: {str(error)[:60]}")
             continue
         if uv.shape != (len(good), 3, 2) or not np.isfinite(uv).all() or uv.min() < -1e-6 or uv.max() > 1 + 1e-6:
@@ -141,6 +153,27 @@ def _unwrap_faces(vertices: Floats, faces: Ints, name: str) -> _Result:
     corner_uvs[good] = np.clip(best.corner_uvs * (1.0, -1.0) + (0.0, 1.0), 0.0, 1.0)  # both programs count v upward
     _fill_degenerate(corner_uvs, welded, good)
     return replace(best, corner_uvs=corner_uvs)
+
+
+def _programs(points: NDArray[np.float32], faces: Ints) -> list[tuple[str, Program]]:
+    """What to try, in order: a tree of thousands of leaves has no charts worth looking for."""
+    pairs = edge_pairs(faces) // 3
+    normals = face_normals(points.astype(np.float64), faces)[0]
+    flat = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(1) > np.cos(np.radians(SHARP_DEGREES))
+    pieces = components(pairs[flat, 0], pairs[flat, 1], len(faces))[1]
+    if pieces > MAX_PIECES:
+        return [(f"a cell for each of its {len(faces)} triangles ({pieces} flat pieces)", _cells)]
+    return [("uvunwrap", _uvunwrap), ("xatlas", _xatlas)]
+
+
+def _cells(points: NDArray[np.float32], faces: Ints) -> Floats:
+    """(f, 3, 2) two triangles in each cell of a square grid, whatever their shape and size, a gap around each."""
+    side = int(np.ceil(np.sqrt(len(faces) / 2)))
+    index = np.arange(len(faces))
+    row, column = np.divmod(index // 2, side)
+    lower = np.array([[0.05, 0.05], [0.80, 0.05], [0.05, 0.80]])
+    shape = np.where((index % 2 == 0)[:, None, None], lower, 1.0 - lower)
+    return (np.stack([column, row], -1)[:, None] + shape) / side
 
 
 def _fill_degenerate(corner_uvs: Floats, welded: Ints, good: Ints) -> None:
@@ -175,7 +208,8 @@ def _uvunwrap(points: NDArray[np.float32], faces: Ints) -> Floats:
     mesh = uvunwrap.Mesh(
         np.ascontiguousarray(points[used]), np.ascontiguousarray(compact.reshape(-1, 3).astype(np.uint32))
     )
-    atlas = uvunwrap.generate([mesh], page_size=PAGE, padding=PADDING)
+    angle = SHARP_DEGREES if len(faces) > LARGE else 70.0
+    atlas = uvunwrap.generate([mesh], page_size=PAGE, padding=PADDING, max_chart_angle=angle)
     if atlas.page_count != 1:
         raise ValueError(f"{atlas.page_count} pages")
     return np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)

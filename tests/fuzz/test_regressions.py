@@ -1,0 +1,43 @@
+"""Inputs that once made a reader fail: each must be read, or refused in one line."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.fuzz.fuzz_readers import FORMATS, check
+from tests.fuzz.mutators import pack_glb, unpack_glb
+from tests.fuzz.seeds import seeds
+
+from paintit.mesh.read import read_as_it_is, read_mesh
+
+REGRESSIONS = Path(__file__).parent / "regressions"
+
+
+@pytest.mark.parametrize("path", sorted(REGRESSIONS.iterdir()), ids=lambda path: path.name)
+def test_nothing_but_a_mesh_or_a_refusal(path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(path, unwrap=False)
+
+
+def test_a_panic_of_the_first_unwrapper_leads_to_the_second() -> None:
+    mesh = read_mesh(REGRESSIONS / "uvunwrap_panic.obj")
+    assert mesh.report.uv_origin == "unwrapped"
+    assert np.isfinite(mesh.uvs).all()
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_every_seed_is_a_mesh(kind: str, tmp_path: Path) -> None:
+    """A seed that is refused would teach the fuzzer only refusals."""
+    for data in seeds(kind):
+        path = tmp_path / f"seed.{kind}"
+        path.write_bytes(data)
+        assert len(read_as_it_is(path).faces)
+
+
+def test_a_glb_is_unpacked_and_packed(tmp_path: Path) -> None:
+    data = next(iter(seeds("glb")))
+    assert pack_glb(*unpack_glb(data)) == data
