@@ -26,3 +26,15 @@ def decode_srgb(coded: Tensor) -> Tensor:
 def luminance(linear: Tensor) -> Tensor:
     """Rec. 709 luminance of linear RGB, (..., 3) -> (...)."""
     return (linear * linear.new_tensor(LUMINANCE)).sum(-1)
+
+
+#: Linear Rec. 709 RGB -> CIE XYZ, each row over the white point's (D65) value.
+_XYZ = ((0.433950, 0.376210, 0.189840), (0.212673, 0.715152, 0.072175), (0.017757, 0.109468, 0.872775))
+
+
+def lab(linear: Tensor) -> Tensor:
+    """Linear RGB [0, 1] -> CIELAB under D65 (CIE 1976), (..., 3) -> (..., 3). White is (100, 0, 0)."""
+    xyz = linear @ linear.new_tensor(_XYZ).T
+    f = torch.where(xyz > (6 / 29) ** 3, xyz.clamp_min(1e-9).pow(1 / 3), xyz * (29 / 6) ** 2 / 3 + 4 / 29)
+    x, y, z = f.unbind(-1)
+    return torch.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], -1)

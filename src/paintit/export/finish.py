@@ -1,4 +1,4 @@
-"""The last touch on painted maps: texels that no camera sees, and the gutters between islands."""
+"""The last touch on painted maps: texels that no camera sees, UV seams, and the gutters between islands."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from paintit.export.image import check_layers
+from paintit.export.seam_finish import close_seams
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.uv import fill_gutters, rasterize_uv
 from paintit.render.geometry import Geometry
@@ -28,24 +29,33 @@ def finish(mesh: Mesh, maps: TextureMaps, support: torch.Tensor | None = None) -
     Texels that no camera on a sphere around the mesh could see are filled from the seen ones nearest to them on the
     surface: the network is told nothing about them and leaves inverted values there. So are those that were next to no
     part of the painted views (``support``, (layers, h, w), from the painter): a small part that owns many texels. Then
-    each texel outside the islands takes the nearest island's value, so that mip levels do not bleed. Deterministic.
+    the two sides of each UV seam are brought together (:func:`paintit.export.seam_finish.close_seams`), and each texel
+    outside the islands takes the nearest value inside or at a seam, so that mip levels do not bleed. Layers that are
+    not painted come back as they are (they own no texels, see ``rasterize_uv``). Deterministic.
     """
+    values = filled(mesh, maps, support)
+    texels = rasterize_uv(mesh, maps.size[0])
+    closed, own = close_seams(mesh, values, texels)
+    return normalized(TextureMaps.unpacked(torch.from_numpy(fill_gutters(closed, own))))
+
+
+def filled(mesh: Mesh, maps: TextureMaps, support: torch.Tensor | None = None) -> NDArray[np.float32]:
+    """Packed maps (layers, h, w, 8) with unseen texels and gutters filled, seams as they are: :func:`finish`'s half."""
     check_layers(mesh, maps)
     packed = maps.packed().detach().to("cpu", torch.float32)
     height, width = maps.size
     if height != width:
         raise ValueError(f"maps must be square, not {height} x {width}")
     geometry = Geometry.from_mesh(mesh)
-    covered, position, _ = texel_points(mesh, geometry, height)
-    visible = visibility(mesh, geometry, height) & np.asarray(covered)
+    covered, position, _ = (np.asarray(found) for found in texel_points(mesh, geometry, height))
+    visible = visibility(mesh, geometry, height) & covered
     painted, keep = packed.numpy(), visible.astype(np.float32)
     if support is not None and visible.any():
         had = support.detach().cpu().numpy()
         low, high = (share * float(np.median(had[visible])) for share in SUPPORT)
         keep *= np.clip((had - low) / max(high - low, 1e-30), 0, 1)
-    filled = fill_unseen(painted, np.asarray(covered), keep == 1, np.asarray(position))
-    values = filled + keep[..., None] * (painted - filled)
-    return normalized(TextureMaps.unpacked(torch.from_numpy(fill_gutters(values, np.asarray(covered)))))
+    values = fill_unseen(painted, covered, keep == 1, position)
+    return fill_gutters(values + keep[..., None] * (painted - values), covered)
 
 
 def visibility(mesh: Mesh, geometry: Geometry, size: int) -> NDArray[np.bool_]:

@@ -61,6 +61,9 @@ class Record:
     """Every setting as used."""
     notes: tuple[str, ...] = ()
     """What was found and repaired while reading the mesh."""
+    seam: dict[str, Any] | None = None
+    """How visible UV seams are in the exported base colour, see ``paintit.export.seams.SeamFigure``; None before the
+    end, and where there is no seam."""
 
 
 def write(path: Path, record: Record) -> None:
