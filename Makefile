@@ -3,6 +3,7 @@
 # make lint     ruff, pyright, the layer contract
 # make bench    seconds per step, split by stage, at three mesh sizes; ratios within one run
 # make test-slow  the checks that take minutes each
+# make judge    our pictures against Cycles and three.js (needs a Chromium), and maps recovered from renders; about an hour
 # make train-pocket  train the built-in prior anew (training/pocket/README.md)
 
 PYTHON ?= python3
@@ -12,7 +13,7 @@ PROMPT ?= a brown and white dairy cow with short fur
 MESH   ?= assets/meshes/spot/spot.obj
 OUTPUT ?= outputs/spot.glb
 
-.PHONY: paint test test-slow lint bench train-pocket clean
+.PHONY: paint test test-slow lint bench judge train-pocket clean
 .DEFAULT_GOAL := paint
 
 $(BIN)/paintit: pyproject.toml constraints.txt
@@ -45,6 +46,11 @@ lint: $(VENV)/.dev
 
 bench: $(BIN)/paintit
 	$(BIN)/python benchmarks/step.py
+
+judge: $(VENV)/.dev tests/node_modules
+	$(BIN)/python -m benchmarks.viewers
+	for mesh in avocado water_bottle flight_helmet; do \
+		$(BIN)/python benchmarks/ground_truth.py --mesh $$mesh --picture outputs/viewers/$${mesh}_fit.png || exit 1; done
 
 # The recipe of the shipped weights is in training/pocket/README.md; SMOKE=1 walks the whole pipeline in minutes.
 POCKET := training/pocket

@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from paintit.color import encode_srgb
+from paintit.color import decode_srgb, encode_srgb
 from paintit.mesh.mesh import Mesh
 from paintit.render.camera import orbit
 from paintit.render.gbuffer import GBuffer, rasterize
@@ -140,9 +140,42 @@ def test_image(geometry: Geometry, varied_light: Light) -> None:
     assert white(hard) > white(image)
 
 
+def test_transparent_image(geometry: Geometry, varied_light: Light) -> None:
+    """Alpha is the share of a pixel that is covered; colour is that of the covered part, not darkened at the edge."""
+    image = render_image(geometry, orbit(2), flat_maps(), varied_light, 40, background="transparent", supersample=4)
+    assert image.shape == (2, 40, 40, 4)
+    alpha = image[..., 3] / 255.0
+    mask = rasterize(geometry, orbit(2), 160).mask.float()
+    share = torch.nn.functional.avg_pool2d(mask, 4).numpy()
+    assert np.abs(alpha - share).max() < 0.003
+    edge = (alpha > 0.2) & (alpha < 0.8)
+    on_white = render_image(geometry, orbit(2), flat_maps(), varied_light, 40, background=1.0, supersample=4)
+    linear = lambda coded: decode_srgb(torch.from_numpy(coded / 255.0)).numpy()  # noqa: E731
+    mixed = linear(image[edge][:, :3]) * alpha[edge][:, None] + 1 - alpha[edge][:, None]
+    assert np.abs(mixed - linear(on_white[edge])).max() < 0.01
+
+
+def test_emission_is_added(geometry: Geometry, varied_light: Light) -> None:
+    black = flat_maps((0.0, 0.0, 0.0), 1.0, 1.0)
+    glow = torch.ones(1, 16, 16, 3) * torch.tensor([0.5, 0.0, 0.2])
+    dark, lit = (render_image(geometry, orbit(1), black, varied_light, 16, emission=e) for e in (None, glow))
+    change = decode_srgb(torch.from_numpy(lit / 255.0)) - decode_srgb(torch.from_numpy(dark / 255.0))
+    np.testing.assert_allclose(change[0, 8, 8].numpy(), [0.5, 0.0, 0.2], atol=0.01)
+
+
+def test_a_white_metal_in_a_white_room_vanishes(geometry: Geometry, white_light: Light) -> None:
+    """Pictures for people lose no light between microfacets: a rough white metal shows the room's 1.5, clipped."""
+    image = render_image(geometry, orbit(1), flat_maps((1.0, 1.0, 1.0), 1.0, 1.0), white_light, 16, background=1.0)
+    assert (image == 255).all()
+    assert float(render(rasterize(geometry, orbit(1), 16), flat_maps((1.0, 1.0, 1.0), 1.0, 1.0), white_light)
+                 .shaded[0, 8, 8, 0]) < 1.0  # fmt: skip
+
+
 def test_image_before_its_environment(geometry: Geometry, varied_light: Light) -> None:
     cameras = orbit(1, elevation_deg=0.0)
-    image = render_image(geometry, cameras, flat_maps(), varied_light, 16, background=None, supersample=1, rotation=0.7)
+    image = render_image(
+        geometry, cameras, flat_maps(), varied_light, 16, background="light", supersample=1, rotation=0.7
+    )
     _, direction = cameras.rays(16, 16)
     sky = encode_srgb(varied_light.background(direction, 0.7))[0, 0, 0]
     assert np.abs(image[0, 0, 0] / 255.0 - sky.numpy()).max() < 0.005

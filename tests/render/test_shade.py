@@ -54,6 +54,35 @@ def test_constant_environment(white_light: Light, roughness: float, metallic: fl
             assert float(found[channel]) == pytest.approx(expected, rel=1e-2)
 
 
+@pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
+def test_corrected_metals_keep_all_light(white_light: Light, roughness: float) -> None:
+    """White reflects everything; a colour reflects more than in single scattering, and is more saturated than white."""
+    normal = torch.tensor([0.0, 0.6, 0.8])
+    one, rough = torch.ones(1), torch.tensor([roughness])
+    for n_v in (1.0, 0.5, 0.2):
+        view = n_v * normal + math.sqrt(1 - n_v**2) * torch.tensor([1.0, 0.0, 0.0])
+        white = shade(torch.ones(3), rough, one, normal, view, white_light, corrected=True)
+        torch.testing.assert_close(white, torch.full((3,), 1.5), rtol=1e-3, atol=0)
+        color = torch.tensor([0.9, 0.5, 0.1])
+        plain = shade(color, rough, one, normal, view, white_light)
+        more = shade(color, rough, one, normal, view, white_light, corrected=True) / plain
+        assert bool((more >= 1).all())
+        assert float(more[0]) > float(more[1]) > float(more[2])
+
+
+def test_a_corrected_rough_lobe_leans_to_the_normal(varied_light: Light) -> None:
+    """A mirror looks along R; at roughness 1 the light comes from around N whatever the view."""
+    normal = torch.tensor([0.0, 0.6, 0.8])
+    view = F.normalize(normal + torch.tensor([1.5, 0.0, 0.0]), dim=0)
+    one, white = torch.ones(1), torch.ones(3)
+    reflected = 2 * (normal @ view) * normal - view
+    mirror = shade(white, torch.zeros(1), one, normal, view, varied_light, corrected=True)
+    torch.testing.assert_close(mirror, varied_light.specular(reflected, torch.zeros(1)), rtol=1e-2, atol=1e-3)
+    rough = shade(white, one, one, normal, view, varied_light, corrected=True)
+    torch.testing.assert_close(rough, varied_light.specular(normal, one), rtol=1e-2, atol=1e-3)
+    assert float((rough - varied_light.specular(reflected, one)).abs().max()) > 0.02
+
+
 def test_reflectance_stays_below_one() -> None:
     """A white metal never reflects more than it receives (single scattering loses energy, never gains)."""
     cosine, roughness = torch.meshgrid(torch.linspace(0.005, 1, 60), torch.linspace(0, 1, 50), indexing="ij")

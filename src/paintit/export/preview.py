@@ -17,15 +17,17 @@ from paintit.render.camera import Cameras, look_at, orbit
 from paintit.render.environment import load_environment
 from paintit.render.geometry import Geometry
 from paintit.render.light import Light, prefilter
-from paintit.render.render import render_image
+from paintit.render.render import Background, render_image
 from paintit.texture.maps import TextureMaps
 
 #: Mean radiance of a white diffuse sphere under the light: the base colours come out about as bright as they are.
 EXPOSURE = 0.8
 #: Linear grey behind the mesh: light, so that dark materials stand out and white ones still do.
 BACKGROUND = 0.6
-_RADIUS = 3.25
-_FOV = 45.0
+#: Distance of the camera from the box's centre, where the mesh's longest edge is 2.
+RADIUS = 3.25
+#: Vertical field of view in degrees.
+FOV = 45.0
 
 
 def preview_cameras(views: int = 4) -> Cameras:
@@ -33,7 +35,7 @@ def preview_cameras(views: int = 4) -> Cameras:
     20 degrees, every second one by 5."""
     azimuth = torch.tensor([35.0 + 360.0 * i / views for i in range(views)]).deg2rad()
     elevation = torch.tensor([20.0 if i % 2 == 0 else 5.0 for i in range(views)]).deg2rad()
-    return look_at(azimuth, elevation, _RADIUS, math.radians(_FOV))
+    return look_at(azimuth, elevation, RADIUS, math.radians(FOV))
 
 
 def preview(
@@ -45,7 +47,7 @@ def preview(
     *,
     exposure: float = EXPOSURE,
     rotation_deg: float = 0.0,
-    background: float | None = BACKGROUND,
+    background: Background = BACKGROUND,
     supersample: int = 2,
     columns: int | None = None,
 ) -> Image.Image:
@@ -55,24 +57,18 @@ def preview(
         light_path: ``"default"``, an .hdr or an .exr file.
         exposure: mean radiance of a white diffuse sphere under the light; 0 keeps the file's values.
         rotation_deg: the light turned about the vertical axis.
-        background: linear grey behind the mesh, or None for the environment itself.
+        background: linear grey behind the mesh, "light" for the environment itself, or "transparent".
         columns: pictures in a row; None: two where there are four, else all in one row.
 
     Raises:
         LightError: the light cannot be read.
         UsageError: ``"preview.size"``, no views or no pixels.
     """
-    images = _images(
-        mesh,
-        maps,
-        preview_cameras(_positive(views, "views")),
-        light_path,
-        size,
-        exposure,
-        rotation_deg,
-        background,
-        supersample,
-    )
+    cameras = preview_cameras(_positive(views, "views"))
+    images = pictures(
+        mesh, maps, cameras, light_path, size,
+        exposure=exposure, rotation_deg=rotation_deg, background=background, supersample=supersample,
+    )  # fmt: skip
     return sheet(images, columns or (2 if views == 4 else views))
 
 
@@ -86,7 +82,7 @@ def turntable(
     elevation_deg: float = 15.0,
     exposure: float = EXPOSURE,
     rotation_deg: float = 0.0,
-    background: float | None = BACKGROUND,
+    background: Background = BACKGROUND,
     supersample: int = 2,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> list[Image.Image]:
@@ -94,8 +90,11 @@ def turntable(
 
     Raises: as :func:`preview`.
     """
-    cameras = orbit(_positive(frames, "frames"), elevation_deg, _RADIUS, _FOV)
-    return _images(mesh, maps, cameras, light_path, size, exposure, rotation_deg, background, supersample, on_frame)
+    cameras = orbit(_positive(frames, "frames"), elevation_deg, RADIUS, FOV)
+    return pictures(
+        mesh, maps, cameras, light_path, size,
+        exposure=exposure, rotation_deg=rotation_deg, background=background, supersample=supersample, on_frame=on_frame,
+    )  # fmt: skip
 
 
 def write_turntable(path: Path, frames: list[Image.Image], frames_per_second: float = 12.0) -> None:
@@ -122,7 +121,7 @@ def sheet(images: list[Image.Image], columns: int) -> Image.Image:
     """Images of one size in rows of ``columns``."""
     width, height = images[0].size
     rows = -(-len(images) // columns)
-    out = Image.new("RGB", (width * min(columns, len(images)), height * rows), "white")
+    out = Image.new(images[0].mode, (width * min(columns, len(images)), height * rows), "white")
     for i, image in enumerate(images):
         out.paste(image, (i % columns * width, i // columns * height))
     return out
@@ -134,18 +133,27 @@ def _positive(value: int, name: str) -> int:
     return value
 
 
-def _images(
+def pictures(
     mesh: Mesh,
     maps: TextureMaps,
     cameras: Cameras,
-    light_path: str,
-    size: int,
-    exposure: float,
-    rotation_deg: float,
-    background: float | None,
-    supersample: int,
+    light_path: str = "default",
+    size: int = 512,
+    *,
+    exposure: float = EXPOSURE,
+    rotation_deg: float = 0.0,
+    background: Background = BACKGROUND,
+    supersample: int = 2,
+    emission: torch.Tensor | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> list[Image.Image]:
+    """One picture of ``size`` pixels a side from each camera; ``on_frame(done, all)`` is called after each.
+
+    No tone curve: radiance is clipped to [0, 1] and sRGB-coded (:func:`paintit.render.render.render_image`). RGB, or
+    RGBA where the background is transparent. ``emission`` as :func:`paintit.export.read_maps.read_emission` gives it.
+
+    Raises: as :func:`preview`.
+    """
     check_layers(mesh, maps)
     _positive(size, "size")
     geometry = Geometry.from_mesh(mesh)
@@ -154,15 +162,10 @@ def _images(
     images = []
     for i in range(len(cameras)):
         pixels = render_image(
-            geometry,
-            cameras[i : i + 1],
-            maps,
-            light,
-            size,
-            supersample=supersample,
-            rotation=math.radians(rotation_deg),
-            background=background,
-        )
+            geometry, cameras[i : i + 1], maps, light, size,
+            supersample=supersample, rotation=math.radians(rotation_deg), background=background,
+            emission=emission,
+        )  # fmt: skip
         images.append(Image.fromarray(pixels[0]))
         if on_frame is not None:
             on_frame(i + 1, len(cameras))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -19,6 +20,8 @@ from paintit.render.sample import Pyramid, build_pyramid, lookup
 from paintit.render.shade import perturb, shade
 from paintit.texture.maps import TextureMaps
 
+#: What is behind the mesh in an image for people: a linear grey, the environment, or nothing (an alpha channel).
+Background = float | Literal["light", "transparent"]
 #: What material channels hold off the mask: grey, neither of the extremes.
 _NEUTRAL = 0.5
 #: Covered pixels shaded at once in :func:`render_image`.
@@ -105,17 +108,17 @@ def render(
 
 
 def _shade_pixels(
-    gbuffer: GBuffer, pyramid: Pyramid, light: Light, rotation: float | Tensor, index: Tensor
+    gbuffer: GBuffer, pyramid: Pyramid, light: Light, rotation: float | Tensor, index: Tensor, corrected: bool = False
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Texels (m, 8), shading normals (m, 3) and radiance (m, 3) of the covered pixels ``index`` (m,) into (n h w)."""
+    """Texels (m, c >= 8), shading normals (m, 3), radiance (m, 3) of the covered pixels ``index`` (m,) into (n h w)."""
     pick = lambda tensor: tensor.flatten(0, 2)[index]  # noqa: E731
     texels = lookup(pyramid, pick(gbuffer.layer), pick(gbuffer.uv), pick(gbuffer.footprint))
-    base_color, roughness, metallic, texel_normal = texels.split([3, 1, 1, 3], -1)
+    base_color, roughness, metallic, texel_normal = texels[..., :8].split([3, 1, 1, 3], -1)
     normal = perturb(pick(gbuffer.normal).to(texels), pick(gbuffer.tangent).to(texels), texel_normal)
     if isinstance(rotation, Tensor) and rotation.ndim:
         rotation = rotation.to(index.device)[index // gbuffer.mask[0].numel()]
     view = pick(gbuffer.view).to(texels)
-    return texels, normal, shade(base_color, roughness, metallic, normal, view, light, rotation)
+    return texels, normal, shade(base_color, roughness, metallic, normal, view, light, rotation, corrected)
 
 
 @torch.no_grad()
@@ -128,28 +131,41 @@ def render_image(
     *,
     supersample: int = 2,
     rotation: float = 0.0,
-    background: float | None = 0.25,
+    background: Background = 0.25,
+    emission: Tensor | None = None,
 ) -> NDArray[np.uint8]:
-    """Images for people: (n, h, w, 3) uint8, sRGB-coded.
+    """Images for people: (n, h, w, 3) uint8, sRGB-coded; (n, h, w, 4) with straight alpha where transparent.
+
+    There is no tone curve: radiance is clipped to [0, 1] and sRGB-coded, which is Blender's view transform "Standard"
+    and three.js's NoToneMapping. Rough metals look as they do there, too (``corrected`` of
+    :func:`paintit.render.shade.shade`); :func:`render`, which priors read, keeps to the paper's equation.
 
     Args:
         size: pixels along each side, or (height, width), after averaging ``supersample`` x ``supersample`` samples.
-        background: linear grey behind the mesh (1: white), or None to show the environment.
+        background: linear grey behind the mesh (1: white), "light" for the environment, or "transparent".
+        emission: (layers, h, w, 3) linear radiance of the surface's own, of the maps' size; not lit, not painted.
     """
     height, width = (size, size) if isinstance(size, int) else size
     fine = (height * supersample, width * supersample)
-    pyramid = build_pyramid(maps.packed().detach())
+    packed = maps.packed().detach()
+    pyramid = build_pyramid(packed if emission is None else torch.cat([packed, emission.to(packed)], -1))
     images = []
     for view in range(len(cameras)):
         gbuffer = rasterize(geometry, cameras[view : view + 1], fine)
-        if background is None:
+        if background == "light":
             linear = light.background(-gbuffer.view, rotation).reshape(-1, 3)
         else:
-            linear = torch.full((gbuffer.mask.numel(), 3), background, device=geometry.device)
+            grey = 0.0 if background == "transparent" else background
+            linear = torch.full((gbuffer.mask.numel(), 3), grey, device=geometry.device)
         for index in gbuffer.mask.flatten().nonzero()[:, 0].split(_CHUNK):
-            linear[index] = _shade_pixels(gbuffer, pyramid, light, rotation, index)[2].to(linear)
+            texels, _, radiance = _shade_pixels(gbuffer, pyramid, light, rotation, index, corrected=True)
+            linear[index] = (radiance if emission is None else radiance + texels[..., 8:]).to(linear)
         # Clamped before averaging: one very bright sample must not undo the smoothing of its pixel's edge.
-        linear = linear.clamp(0, 1).reshape(1, *fine, 3).movedim(-1, 1)
-        coded = encode_srgb(F.avg_pool2d(linear, supersample))
+        linear = F.avg_pool2d(linear.clamp(0, 1).reshape(1, *fine, 3).movedim(-1, 1), supersample)
+        if background == "transparent":
+            cover = F.avg_pool2d(gbuffer.mask[:, None].to(linear), supersample)
+            coded = torch.cat([encode_srgb(linear / cover.clamp_min(1e-9)), cover], 1)
+        else:
+            coded = encode_srgb(linear)
         images.append((coded * 255 + 0.5).to(torch.uint8).movedim(1, -1))
     return torch.cat(images).cpu().numpy()

@@ -33,6 +33,7 @@ def shade(
     view: Tensor,
     light: Light,
     rotation: float | Tensor = 0.0,
+    corrected: bool = False,
 ) -> Tensor:
     """Outgoing linear radiance (..., 3), any leading shape, float32 or float64.
 
@@ -44,14 +45,28 @@ def shade(
         view: (..., 3) unit direction toward the eye.
         light: the prefiltered environment.
         rotation: radians the environment is turned about +Y; a tensor lines up with the leading dimensions.
+        corrected: with two corrections that bring rough metals to what a path tracer shows: light scattered more than
+            once between microfacets (specular reflectance times 1 + k_s (1 / (A + B) - 1), Turquin 2019), and a rough
+            lobe's middle turned from R toward the normal (Lagarde and de Rousiers 2014). False is the paper's equation:
+            under it a white metal of roughness 1 reflects a third of the light.
     """
     cosine = (normal * view).sum(-1, keepdim=True)
     reflected = 2 * cosine * normal - view
     specular = base_color * metallic + DIELECTRIC * (1 - metallic)
     scale, bias = environment_brdf(_above_zero(cosine), roughness)
-    return base_color * (1 - metallic) * light.diffuse(normal, rotation) + light.specular(
-        reflected, roughness, rotation
-    ) * (specular * scale + bias)
+    reflectance = specular * scale + bias
+    if corrected:
+        reflectance = reflectance * (1 + specular * (1 / (scale + bias) - 1))
+        reflected = _lobe_middle(normal, reflected, roughness)
+    diffuse = base_color * (1 - metallic) * light.diffuse(normal, rotation)
+    return diffuse + light.specular(reflected, roughness, rotation) * reflectance
+
+
+def _lobe_middle(normal: Tensor, reflected: Tensor, roughness: Tensor) -> Tensor:
+    """Where a GGX lobe's middle lies: at R for a mirror, at N for alpha = 1 (Lagarde and de Rousiers 2014, 4.9.3)."""
+    alpha = roughness.square()
+    smooth = (1 - alpha).clamp_min(1e-6)
+    return F.normalize(torch.lerp(normal, reflected, smooth * (smooth.sqrt() + alpha)), dim=-1)
 
 
 def perturb(normal: Tensor, tangent: Tensor, texel_normal: Tensor) -> Tensor:
