@@ -17,12 +17,16 @@ from pathlib import Path
 import pytest
 import torch
 from tests.cli.conftest import CUBE
+from tests.export.models import MODELS
+from tests.export.roundtrip import differences
 
 from paintit.config import POCKET, PaintConfig
 from paintit.errors import OutputError, PaintitError, RunError, UsageError
+from paintit.export.write import write
 from paintit.guidance.exact import ExactPrior
 from paintit.paint.painter import Step
 from paintit.run import record as records
+from paintit.run.asset import load_asset
 from paintit.run.folder import RunFolder, check_writable, find, locked, resolve
 from paintit.run.paint import Job, Request, prepare, run
 from paintit.run.record import Record
@@ -111,7 +115,7 @@ def test_a_field_of_the_record_is_not_renamed_by_accident() -> None:
     assert [field.name for field in dataclasses.fields(Record)] == [
         "schema", "state", "outcome", "step", "steps", "asset", "prompt", "prompts", "readings", "command", "started",
         "ended", "seconds", "peak_memory", "seed", "device", "device_reason", "input", "prior", "light", "versions",
-        "config", "notes",
+        "config", "notes", "seam",
     ]  # fmt: skip
 
 
@@ -354,3 +358,35 @@ def test_overwriting_keeps_the_old_asset_until_the_new_one_is_whole(mesh: Path) 
     run(prepare(request, ExactPrior()), on_step=lambda _: seen.append(asset.read_bytes() == old))
     assert seen == [True] * STEPS
     assert asset.read_bytes() != old
+
+
+def test_the_choice_of_materials_is_known_to_the_record_and_to_resume(tmp_path: Path) -> None:
+    source = MODELS["material_settings"](tmp_path)
+    config = merge(CONFIG, {"materials": ["leaf", "car", "sign"], "exclude": ["sign"]})
+    whole = run(job_for(source, "whole", config))
+    assert whole.record.input["painted"] == ["leaf", "car"]
+    assert whole.record.config["exclude"] == ["sign"]
+    half = job_for(source, "half", config)
+    run(half, stop=lambda: half.painter.step >= 3)
+    assert resume(source, "half").painter.field().layers == 2
+    run(resume(source, "half"))
+    assert textures(source, "half") == textures(source, "whole")
+    assert set(textures(source, "whole")) == {
+        "painted.glb", *(f"{key}_{name}.png" for key in ("base_color", "orm", "normal") for name in ("leaf", "car")),
+    }  # fmt: skip
+    other = Request(None, None, merge(config, {"exclude": []}), resume=tmp_path / "half" / "painted.paintit")
+    with pytest.raises(RunError, match="exclude is"):
+        prepare(other, ExactPrior())
+    assert differences(source, whole.folder.asset, ["leaf", "car"]) == []
+    asset = load_asset(whole.folder.folder)
+    assert [layer.painted for layer in asset.mesh.layers] == [True, False, False, True, False]
+    write(tmp_path / "again.gltf", asset.mesh, asset.maps, {})
+    assert differences(source, tmp_path / "again.gltf", ["leaf", "car"]) == []
+
+
+def test_files_beside_the_asset_are_checked_before_anything_is_painted(mesh: Path) -> None:
+    (mesh.parent / "new.mtl").write_text("precious")
+    request = dataclasses.replace(request_for(mesh, "a"), output=str(mesh.parent / "new.obj"))
+    with pytest.raises(OutputError, match=r"new\.mtl already exists"):
+        prepare(request, ExactPrior())
+    assert not (mesh.parent / "new.paintit").exists()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,14 @@ import torch
 
 from paintit import config as presets
 from paintit._version import __version__
-from paintit.config import PaintConfig
+from paintit.config import LimitConfig, PaintConfig
 from paintit.errors import UsageError
 from paintit.export.finish import finish
 from paintit.export.preview import preview
+from paintit.export.read_maps import unpainted_maps
 from paintit.export.write import write
 from paintit.guidance.prior import Prior
+from paintit.mesh.choice import choose
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.read import Unwrap, read_mesh
 from paintit.paint.painter import Painter, Step
@@ -36,7 +38,7 @@ class PaintResult:
 
     Attributes:
         mesh: the mesh, unchanged but for texture coordinates where it had none to paint on.
-        maps: the texture maps as trained, on the CPU; :meth:`export` fills gutters and unseen texels.
+        maps: the texture maps of every layer as trained, on the CPU; :meth:`export` fills gutters and unseen texels.
         config: every setting as used.
         prompt: the sentence.
         support: (layers, h, w) how much of the views each texel has been, see ``Painter.support``.
@@ -78,13 +80,25 @@ class PaintResult:
         return preview(self.mesh, self.finished().maps, size=size, views=views)
 
 
-def load_mesh(path: str | Path, unwrap: Unwrap = "auto") -> Mesh:
+def load_mesh(
+    path: str | Path,
+    unwrap: Unwrap = "auto",
+    materials: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    *,
+    pose: str = "rest",
+    limits: LimitConfig | None = None,
+) -> Mesh:
     """Read OBJ, PLY, STL, OFF, GLB or glTF; ``auto`` makes texture coordinates only where there are none to paint on.
 
+    ``materials`` and ``exclude`` name the materials to paint and those to leave as they are; ``pose`` is ``"rest"`` or
+    a moment of a glTF animation (``"Walk@0.5"``); ``limits`` are what the file may ask for.
+
     Raises:
-        MeshError: the file is missing, damaged or empty; the message says which.
+        MeshError: the file is missing, damaged, empty or beyond the limits; the message says which.
+        UsageError: a material that is not there, or none is left to paint.
     """
-    return read_mesh(Path(path), unwrap=unwrap)
+    return read_mesh(Path(path), unwrap, materials, exclude, pose=pose, limits=limits)
 
 
 def check_prompt(prompt: str | None) -> str:
@@ -129,8 +143,12 @@ def paint(
         settings = dataclasses.replace(settings, seed=seed)
     validate(settings)
     if not isinstance(mesh, Mesh):
-        mesh = load_mesh(mesh, settings.unwrap)
-    painter = Painter(mesh, text, settings, prior)
+        mesh = load_mesh(
+            mesh, settings.unwrap, settings.materials, settings.exclude, pose=settings.pose, limits=settings.limits
+        )
+    elif settings.materials or settings.exclude:
+        mesh = dataclasses.replace(mesh, layers=choose(mesh.layers, settings.materials, settings.exclude))
+    painter = Painter(mesh, text, settings, prior, fixed=unpainted_maps(mesh, settings.texture.size))
     history: list[Step] = []
     start = time.perf_counter()
     stopped = False

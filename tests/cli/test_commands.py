@@ -52,6 +52,10 @@ def test_inspect_a_painted_asset(painted: Path, paintit: Callable[..., Ran]) -> 
     (material,) = data["materials"]
     assert set(material["textures"]) == {"baseColorTexture", "metallicRoughnessTexture", "normalTexture"}
     assert data["metadata"]["paintit"]["prompt"] == "red plastic"
+    run = data_of(paintit("inspect", painted.with_suffix(".paintit"), "--json"))["run"]
+    assert data["seam"]["edges"] == run["seam"]["edges"] > 0
+    assert data["seam"]["seams"] == pytest.approx(run["seam"]["seams"], abs=0.4)  # the file holds 8 bits
+    assert "times the difference across other edges" in paintit("inspect", painted).out
 
 
 def test_inspect_a_run(painted: Path, paintit: Callable[..., Ran]) -> None:
@@ -83,6 +87,27 @@ def test_render_a_picture(painted: Path, here: Path, paintit: Callable[..., Ran]
     assert (here / "y.png").read_bytes() != (here / "z.png").read_bytes()
 
 
+def test_render_the_camera_and_the_light(painted: Path, here: Path, paintit: Callable[..., Ran]) -> None:
+    def picture(*flags: str) -> Image.Image:
+        ran = paintit("render", painted, "-o", "x.png", "--size", "32", "--overwrite", *flags)
+        assert ran.code == 0, ran.err
+        with Image.open(here / "x.png") as image:
+            image.load()
+            return image
+
+    alpha = picture("--background", "transparent").getchannel("A").histogram()
+    far = picture("--background", "transparent", "--radius", "6.5").getchannel("A").histogram()
+    wide = picture("--background", "transparent", "--fov", "80").getchannel("A").histogram()
+    assert alpha[255] > 2 * far[255] > 0
+    assert alpha[255] > 2 * wide[255] > 0
+    dark, bright = picture("--exposure", "0.2"), picture("--exposure", "0.8")
+    assert dark.getpixel((0, 0)) == bright.getpixel((0, 0))
+    assert sum(dark.convert("L").tobytes()) < sum(bright.convert("L").tobytes())
+    assert picture("--background", "0").getpixel((0, 0)) == (0, 0, 0)
+    assert picture("--background", "light").getpixel((0, 0)) != picture("--background", "light", "--rotation",
+                                                                        "90").getpixel((0, 0))  # fmt: skip
+
+
 def test_render_a_turntable(painted: Path, here: Path, paintit: Callable[..., Ran]) -> None:
     assert paintit("render", painted, "-o", "x.webp", "--views", "3", "--size", "32").code == 0
     with Image.open(here / "x.webp") as image:
@@ -94,6 +119,9 @@ def test_render_a_turntable(painted: Path, here: Path, paintit: Callable[..., Ra
     [
         (["--size", "-1"], "error: --size is -1; it must be from 8 to 8192"),
         (["--views", "0"], "error: --views is 0; it must be from 1 to 360"),
+        (["--background", "2"], "error: --background is 2; it must be from 0 to 1"),
+        (["--background", "sky"], "error: --background is 'sky'; give a grey from 0 to 1, 'light' or 'transparent'"),
+        (["--fov", "0"], "error: --fov is 0; it must be from 1 to 150"),
         (["-o", "x.gif"], "error: cannot write a picture as 'x.gif'; end it with .png or .webp"),
     ],
 )

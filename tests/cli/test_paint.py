@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from tests.cli.conftest import TINY, Ran, everything, start
+from tests.export.models import MODELS
 
 
 def test_stdout_is_the_path_of_the_asset_alone(cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:
@@ -46,6 +47,22 @@ def test_the_document_keeps_its_shape(cube: Path, here: Path, paintit: Callable[
     }  # fmt: skip
     assert (document["schema"], document["ok"], document["command"]) == ("paintit.cli/1", True, "paint")
     assert document["data"]["asset"] == "out/cube.glb"
+
+
+def test_materials_are_chosen_by_repeated_flags(tmp_path: Path, here: Path, paintit: Callable[..., Ran]) -> None:
+    mesh = MODELS["material_settings"](tmp_path)
+    ran = paintit("paint", mesh, "red", *TINY, "--dry-run", "--json", "--material", "leaf", "--exclude=sign",
+                  "--material", "SIGN", "--material=car")  # fmt: skip
+    plan = json.loads(ran.out)["data"]
+    assert plan["painted"] == ["leaf", "car"]
+    assert plan["layers"] == ["leaf", "glass", "lamp", "car", "sign"]
+    assert plan["textures"].startswith("2 x ")
+    ran = paintit("paint", mesh, "red", *TINY, "--dry-run", "--material", "leave")
+    assert ran.code == 2
+    assert ran.errors == ["error: there is no material 'leave'; the mesh has: leaf, glass, lamp, car, sign"]
+    ran = paintit("paint", mesh, "red", *TINY, "--dry-run", "--material", "leaf", "--exclude", "leaf")
+    assert (ran.code, len(ran.errors)) == (2, 1)
+    assert "no material is left to paint" in ran.err
 
 
 def test_a_dry_run_says_all_and_writes_nothing(cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:

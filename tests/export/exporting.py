@@ -19,7 +19,8 @@ from PIL import Image
 
 from paintit.export.gltf_assembly import Assembly
 from paintit.export.image import png_bytes
-from paintit.mesh.gltf_document import GltfDocument, read_document
+from paintit.mesh.gltf_document import GltfDocument
+from paintit.mesh.gltf_parse import read_document
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.read import read_mesh
 from paintit.texture.maps import TextureMaps

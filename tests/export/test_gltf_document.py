@@ -188,11 +188,11 @@ def test_second_uv_set_of_the_file_is_used(tmp_path) -> None:
     assert errors_of(tmp_path / "out.glb") == []
 
 
-@pytest.mark.parametrize("unwrap", ["auto", "always"])
-def test_alpha_is_kept(unwrap: str, tmp_path) -> None:
+@pytest.mark.parametrize(("unwrap", "mode"), [("auto", "MASK"), ("always", "MASK"), ("always", "BLEND")])
+def test_alpha_is_kept(unwrap: str, mode: str, tmp_path) -> None:
     """A cut-out keeps its holes: alpha varies along u only, so in any UVs each corner must show its old u."""
     alpha = np.repeat(np.linspace(0, 255, 64).round().astype(np.uint8)[None], 64, 0)
-    assembly = grid_document([{"name": "m", "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True}])
+    assembly = grid_document([{"name": "m", "alphaMode": mode, "alphaCutoff": 0.3, "doubleSided": True}])
     color = np.concatenate([np.full((64, 64, 3), 77, np.uint8), alpha[..., None]], -1)
     assembly.json["materials"][0]["pbrMetallicRoughness"] = {
         "baseColorFactor": [0.5, 0.5, 0.5, 0.75],
@@ -202,7 +202,7 @@ def test_alpha_is_kept(unwrap: str, tmp_path) -> None:
     mesh = read_mesh(source, unwrap)  # pyright: ignore[reportArgumentType]
     after = painted(mesh, tmp_path / "out.glb", 64)
     material = after.json["materials"][0]
-    assert (material["alphaMode"], material["alphaCutoff"], material["doubleSided"]) == ("MASK", 0.3, True)
+    assert (material["alphaMode"], material["alphaCutoff"], material["doubleSided"]) == (mode, 0.3, True)
     assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 0.75]
     image = image_of(after, material["pbrMetallicRoughness"]["baseColorTexture"])
     assert image.shape == (64, 64, 4)

@@ -9,7 +9,7 @@ from paintit.color import encode_srgb
 from paintit.errors import MeshError
 from paintit.export.gltf import write_gltf
 from paintit.export.image import write_maps
-from paintit.export.read_maps import read_maps, read_maps_folder
+from paintit.export.read_maps import read_emission, read_maps, read_maps_folder
 from paintit.mesh.read import read_mesh
 from paintit.texture.maps import TextureMaps
 
@@ -65,6 +65,19 @@ def test_factors_times_textures(tmp_path) -> None:
     np.testing.assert_allclose(maps.base_color[0, 3, 3].numpy(), [0.5029, 0.25145, 0], atol=1e-4)
     np.testing.assert_allclose(maps.roughness.numpy(), 0.5 * 128 / 255, atol=1e-6)
     np.testing.assert_allclose(maps.metallic.numpy(), 64 / 255, atol=1e-6)
+
+
+def test_emission(tmp_path) -> None:
+    """Factor times decoded texture times strength; where nothing emits there is nothing to add."""
+    assembly = grid_document([{"name": "m", "emissiveFactor": [1, 0.5, 0]}])
+    assembly.json["materials"][0]["emissiveTexture"] = {"index": add_image(assembly, np.full((8, 8, 3), 188, np.uint8))}
+    assembly.json["materials"][0]["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": 4.0}}
+    emission = read_emission(read_mesh(save(assembly, tmp_path / "in.glb")), 16)
+    assert emission is not None
+    assert emission.shape == (1, 16, 16, 3)
+    np.testing.assert_allclose(emission[0, 3, 3].numpy(), [2.0, 1.0, 0.0], rtol=1e-2)
+    assert read_emission(asset("rigged_figure.glb"), 16) is None
+    assert read_emission(asset("teapot/teapot.obj"), 16) is None
 
 
 def test_textures_follow_an_unwrap(tmp_path) -> None:

@@ -19,11 +19,11 @@ def test_every_kind(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("PAINTIT_CACHE", str(tmp_path / "cache"))
     mesh = asset("spot_quads.obj")
     maps = known_maps(mesh, 8)
-    for name in ("a.glb", "a.gltf", "a.obj", "maps"):
+    for name in ("a.glb", "b.gltf", "c.obj", "maps"):
         paths = write(tmp_path / name, mesh, maps, {})
         assert all(p.is_file() for p in paths)
         assert list(tmp_path.rglob(".*")) == []
-    read_mesh(tmp_path / "a.gltf")
+    read_mesh(tmp_path / "b.gltf")
     assert (tmp_path / "maps" / "orm.png").is_file()
 
 

@@ -29,7 +29,7 @@ def assemble(mesh: Mesh, maps: TextureMaps, metadata: dict[str, Any]) -> Assembl
 
 
 def write_gltf(path: Path, mesh: Mesh, maps: TextureMaps, metadata: dict[str, Any]) -> list[Path]:
-    """Write ``path`` (.glb, or .gltf with ``STEM.bin`` and ``STEM_*.png`` beside it); equal input, equal bytes.
+    """Write ``path`` (.glb, or .gltf with ``STEM.bin`` and images beside it); equal input, equal bytes.
 
     ``metadata`` (JSON values: prompt, prior, version, seed, ...) is stored under ``asset.extras.paintit``.
 

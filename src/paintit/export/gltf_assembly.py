@@ -22,6 +22,13 @@ ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 #: glTF sampler: trilinear, repeat.
 SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}
 
+_MAGIC = (
+    (b"\x89PNG", "image/png"),
+    (b"\xff\xd8\xff", "image/jpeg"),
+    (b"RIFF", "image/webp"),
+    (b"\xabKTX", "image/ktx2"),
+)
+
 
 @dataclass
 class Assembly:
@@ -31,11 +38,13 @@ class Assembly:
         json: the document; ``buffers`` and each view's ``buffer`` and ``byteOffset`` are filled in when it is packed.
         views: bytes of ``json["bufferViews"][i]``.
         pngs: image index -> (file name, PNG bytes) of the images added here.
+        kept: image index -> (file beside the source document, "" for a data URI; bytes) of images that stay.
     """
 
     json: dict[str, Any]
     views: list[bytes] = field(default_factory=list)
     pngs: dict[int, tuple[str, bytes]] = field(default_factory=dict)
+    kept: dict[int, tuple[str, bytes]] = field(default_factory=dict)
 
     def append(self, key: str, value: dict[str, Any]) -> int:
         """Append to the top-level array ``key``; its index."""
@@ -93,7 +102,12 @@ class Assembly:
         """One binary file, images inside."""
         for image, (_, png) in self.pngs.items():
             self.json["images"][image] |= {"mimeType": "image/png", "bufferView": self.add_view(png)}
-        self.pngs = {}
+        for image, (_, data) in self.kept.items():
+            described = self.json["images"][image]
+            del described["uri"]
+            kind = next((k for magic, k in _MAGIC if data.startswith(magic)), described.get("mimeType", "image/png"))
+            described |= {"mimeType": kind, "bufferView": self.add_view(data)}
+        self.pngs, self.kept = {}, {}
         binary = self._place_views()
         text = _pad(self._text().encode(), b" ")
         chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
@@ -105,7 +119,10 @@ class Assembly:
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
     def files(self, path: Path) -> dict[Path, bytes]:
-        """Everything that makes ``path``: itself for .glb; .bin, PNGs and, last, the JSON for .gltf."""
+        """Everything that makes ``path``: itself for .glb; .bin, images and, last, the JSON for .gltf.
+
+        Images of the source that stay in files keep their names; where the same file lies there already it is left out.
+        """
         if path.suffix.lower() == ".glb":
             return {path: self.glb()}
         out: dict[Path, bytes] = {}
@@ -113,6 +130,10 @@ class Assembly:
             file_name = f"{path.stem}_{name}"
             self.json["images"][image]["uri"] = quote(file_name)
             out[path.with_name(file_name)] = png
+        for name, data in self.kept.values():
+            target = path.parent / name
+            if name and not (target.is_file() and target.read_bytes() == data):
+                out[target] = data
         binary = self._place_views()
         if binary:
             out[path.with_suffix(".bin")] = binary

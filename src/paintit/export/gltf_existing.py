@@ -13,20 +13,21 @@ from paintit.errors import OutputError
 from paintit.export.gltf_assembly import SAMPLER, Assembly
 from paintit.export.gltf_geometry import PaintedPrimitive, write_primitive
 from paintit.export.gltf_new import add_textures
-from paintit.export.gltf_prune import prune, texture_infos
+from paintit.export.gltf_prune import prune, texture_infos, variant_mappings
 from paintit.export.gltf_source import (
-    SPECULAR_GLOSSINESS,
     corner_vertices,
+    file_of,
     layer_parts,
     layer_uv,
     material_of,
     onto_layer,
     primitive_of,
-    texcoord_of,
     texture_pixels,
 )
 from paintit.export.image import Bytes8, EncodedMaps, layer_suffixes
-from paintit.mesh.gltf_document import GltfDocument, resolve
+from paintit.mesh.gltf_document import GltfDocument
+from paintit.mesh.gltf_texcoord import SPECULAR_GLOSSINESS, TRANSFORM, color_info, texcoord_of
+from paintit.mesh.gltf_uri import resolve
 from paintit.mesh.mesh import Mesh, Part
 
 #: Extensions under which a viewer would show something else than the metallic-roughness textures.
@@ -39,7 +40,7 @@ def repaint_document(
     """The document with the painted layers' materials and, where needed, vertices replaced.
 
     Kept as they are: nodes, skins, animations, morph targets, cameras, extras, occlusion and emissive textures, alpha
-    mode, sidedness, other UV sets, and a skinned mesh's bind-space positions.
+    mode, sidedness, other UV sets, a skinned mesh's bind-space positions, and all of the layers that are not painted.
     """
     views = [document.view(i) for i in range(len(document.items("bufferViews")))]
     assembly = Assembly(copy.deepcopy(document.json), views)
@@ -53,10 +54,11 @@ def repaint_document(
     painted = _painted(document, mesh, assembly)
     for layer, (suffix, images) in enumerate(zip(layer_suffixes(mesh), encoded, strict=True)):
         mine = [p for p in painted if p.part.layer == layer]
-        if mine:
+        if mine and mesh.layers[layer].painted:
             alpha = _alpha(document, mesh, layer, (images.base_color.shape[0], images.base_color.shape[1]))
             uv_set = _uv_set(document, mesh, layer, mine)
-            _write_material(assembly, mesh, layer, mine, suffix, images, alpha, uv_set, notes)
+            uv_info = _uv_info(document, mesh, layer, uv_set)
+            _write_material(assembly, mesh, layer, mine, suffix, images, alpha, uv_info, notes)
             for primitive in mine:
                 write_primitive(assembly, document, mesh, primitive, uv_set)
     asset = assembly.json["asset"]
@@ -67,26 +69,17 @@ def repaint_document(
         record["notes"] = notes
     asset["generator"] = f"paintit {__version__}"
     asset["extras"] = (asset["extras"] if isinstance(asset.get("extras"), dict) else {}) | {"paintit": record}
-    prune(assembly)
-    _embed_images(assembly, document)
+    prune(assembly, document.json)
+    _keep_images(assembly, document)
     return assembly
 
 
-_MAGIC = (
-    (b"\x89PNG", "image/png"),
-    (b"\xff\xd8\xff", "image/jpeg"),
-    (b"RIFF", "image/webp"),
-    (b"\xabKTX", "image/ktx2"),
-)
-
-
-def _embed_images(assembly: Assembly, document: GltfDocument) -> None:
-    """Take images that stay, and lie in files or data URIs, into the document: the output stands elsewhere."""
-    for image in assembly.json.get("images", []):
+def _keep_images(assembly: Assembly, document: GltfDocument) -> None:
+    """Read the images that stay and lie in files or data URIs: the output may stand elsewhere."""
+    for index, image in enumerate(assembly.json.get("images", [])):
         if "uri" in image:
-            data = resolve(image.pop("uri"), document.base, f"image '{image.get('name', '')}'")
-            kind = next((k for magic, k in _MAGIC if data.startswith(magic)), image.get("mimeType", "image/png"))
-            image |= {"mimeType": kind, "bufferView": assembly.add_view(data)}
+            data = resolve(image["uri"], document.base, f"image {index}", document.limits)
+            assembly.kept[index] = (file_of(image["uri"]), data)
 
 
 def _painted(document: GltfDocument, mesh: Mesh, assembly: Assembly) -> list[PaintedPrimitive]:
@@ -132,16 +125,10 @@ def _alike(mesh: Mesh, parts: list[Part], others: list[Part]) -> bool:
     )
 
 
-def _color_info(material: dict[str, Any]) -> dict[str, Any] | None:
-    """Texture info of the colour that the painting replaces."""
-    glossy = material.get("extensions", {}).get(SPECULAR_GLOSSINESS, {})
-    return glossy.get("diffuseTexture") or material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-
-
 def _alpha(document: GltfDocument, mesh: Mesh, layer: int, size: tuple[int, int]) -> Bytes8 | None:
     """(h, w) original alpha in the mesh's UVs; None where the material is opaque or its texture has no transparency."""
     material = material_of(document, mesh, layer)
-    info = _color_info(material)
+    info = color_info(material)
     if material.get("alphaMode", "OPAQUE") == "OPAQUE" or info is None:
         return None
     pixels = texture_pixels(document, info)
@@ -165,13 +152,26 @@ def _uv_set(document: GltfDocument, mesh: Mesh, layer: int, painted: list[Painte
     the first set after those there are.
     """
     material = material_of(document, mesh, layer)
-    own = texcoord_of(_color_info(material) or {})
+    info = color_info(material) or {}
+    own = texcoord_of(info)
     present = [_uv_sets(primitive_of(document, part)) for part in layer_parts(mesh, layer)]
-    if own < min(present) and layer_uv(document, mesh, layer, {"texCoord": own}).same:
+    if own < min(present) and any(layer_uv(document, mesh, layer, i).same for i in ({"texCoord": own}, info)):
         return own, False
-    if not _kept_infos(material) or max(present) == 0:
+    others = {m["material"] for p in painted for m in variant_mappings(p.json)} - {mesh.layers[layer].source_index}
+    kept = [*_kept_infos(material), *(i for m in others for i in texture_infos(document.json["materials"][m]))]
+    if not kept or max(present) == 0:
         return 0, True
     return max(_uv_sets(p.json) for p in painted), True
+
+
+def _uv_info(document: GltfDocument, mesh: Mesh, layer: int, uv_set: tuple[int, bool]) -> dict[str, Any]:
+    """Members that new texture infos share: the UV set, and the transform that the mesh is painted through, if any."""
+    index, written = uv_set
+    found = {"texCoord": index} if index else {}
+    if written or layer_uv(document, mesh, layer, {"texCoord": index}).same:
+        return found
+    transform = (color_info(material_of(document, mesh, layer)) or {})["extensions"][TRANSFORM]
+    return found | {"extensions": {TRANSFORM: {k: v for k, v in transform.items() if k != "texCoord"}}}
 
 
 def _uv_sets(primitive: dict[str, Any]) -> int:
@@ -186,20 +186,24 @@ def _write_material(
     suffix: str,
     images: EncodedMaps,
     alpha: NDArray[np.uint8] | None,
-    uv_set: tuple[int, bool],
+    uv_info: dict[str, Any],
     notes: list[str],
 ) -> None:
     """Put the layer's textures into its material; a material that others use too is copied first."""
     json = assembly.json
     index = mesh.layers[layer].source_index
     mine = {id(p.json) for p in painted}
-    shared = any(p.get("material") == index and id(p) not in mine for m in json["meshes"] for p in m["primitives"])
+    strangers = [p for m in json["meshes"] for p in m["primitives"] if id(p) not in mine]
+    shared = any(index in (p.get("material"), *(m["material"] for m in variant_mappings(p))) for p in strangers)
     if index is None:
         index = assembly.append("materials", {"name": mesh.layers[layer].name})
     elif shared:
         index = assembly.append("materials", copy.deepcopy(json["materials"][index]))
     for primitive in painted:
         primitive.json["material"] = index
+        for mapping in variant_mappings(primitive.json):
+            if mapping["material"] == mesh.layers[layer].source_index:
+                mapping["material"] = index
         if primitive.json.get("extensions", {}).pop("KHR_draco_mesh_compression", None) is not None:
             notes.append("removed KHR_draco_mesh_compression: it holds the old vertices")
     material = json["materials"][index]
@@ -216,8 +220,7 @@ def _write_material(
     if sampler is None:
         sampler = assembly.append("samplers", dict(SAMPLER))
     textures = add_textures(assembly, suffix, images, sampler, alpha)
-    if uv_set[0]:
-        textures = {name: info | {"texCoord": uv_set[0]} for name, info in textures.items()}
+    textures = {name: info | copy.deepcopy(uv_info) for name, info in textures.items()}
     kept = {k: v for k, v in old.items() if k in ("extras", "extensions")}
     material["pbrMetallicRoughness"] = kept | {
         "baseColorFactor": [1.0, 1.0, 1.0, opacity],

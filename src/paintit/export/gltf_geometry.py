@@ -45,7 +45,7 @@ def write_primitive(
     uv = mesh.corner_uvs[slice(*primitive.part.faces)]
     if _turned_over(corner, source_triangles(document, primitive_of(document, primitive.part))):
         # Under a mirroring node the mesh holds the winding that is seen; the file's own space has the other one.
-        corner, uv = corner[:, ::-1], uv[:, ::-1]
+        corner, uv = corner[:, [0, 2, 1]], uv[:, [0, 2, 1]]
     vertices = decoded(document, attributes["POSITION"])
     position = vertices[corner]
     if "NORMAL" in attributes:

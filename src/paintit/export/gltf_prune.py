@@ -1,4 +1,4 @@
-"""Dropping what nothing refers to any more, so that repainting a file does not make it grow."""
+"""Dropping what nothing refers to any more, so that painting a file again does not make it grow."""
 
 from __future__ import annotations
 
@@ -59,6 +59,11 @@ def texture_infos(material: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield value
 
 
+def variant_mappings(primitive: dict[str, Any]) -> list[dict[str, Any]]:
+    """The primitive's other materials (KHR_materials_variants)."""
+    return primitive.get("extensions", {}).get("KHR_materials_variants", {}).get("mappings", [])
+
+
 def _textures(json: dict[str, Any]) -> Iterator[Reference]:
     for material in json.get("materials", []):
         for info in texture_infos(material):
@@ -103,10 +108,17 @@ def _views(json: dict[str, Any]) -> Iterator[Reference]:
 
 
 def _drop(
-    json: dict[str, Any], key: str, references: Callable[[dict[str, Any]], Iterator[Reference]]
+    json: dict[str, Any],
+    source: dict[str, Any],
+    key: str,
+    references: Callable[[dict[str, Any]], Iterator[Reference]],
 ) -> dict[int, int]:
-    """Remove the unreferenced items of ``json[key]`` and renumber; old index -> new index of those kept."""
-    used = {holder[name] for holder, name in references(json)}
+    """Remove items of ``json[key]`` that nothing refers to and renumber; old index -> new index of those kept.
+
+    What nothing referred to in the ``source`` either is kept: it is not for us to tidy up.
+    """
+    idle = set(range(len(source.get(key, [])))) - {holder[name] for holder, name in references(source)}
+    used = idle | {holder[name] for holder, name in references(json)}
     kept = [i for i in range(len(json.get(key, []))) if i in used]
     number = {old: new for new, old in enumerate(kept)}
     # A dict may be reached twice (an object shared in memory), so each reference is renumbered once.
@@ -119,18 +131,20 @@ def _drop(
     return number
 
 
-def prune(assembly: Assembly) -> None:
-    """Drop unreferenced textures, images, samplers, accessors and buffer views, in place.
+def prune(assembly: Assembly, source: dict[str, Any]) -> None:
+    """Drop textures, images, samplers, accessors and buffer views that lost their last reference, in place.
+
+    ``source`` is the JSON of the document that ``assembly`` began as; what was added stands behind what was there.
 
     A document with an extension that is not in :data:`KNOWN` is left whole: it may refer to anything.
     """
     json = assembly.json
     if not set(json.get("extensionsUsed", [])) <= KNOWN:
         return
-    _drop(json, "textures", _textures)
-    images = _drop(json, "images", _images)
+    _drop(json, source, "textures", _textures)
+    images = _drop(json, source, "images", _images)
     assembly.pngs = {images[old]: value for old, value in assembly.pngs.items()}
-    _drop(json, "samplers", _samplers)
-    _drop(json, "accessors", _accessors)
-    views = _drop(json, "bufferViews", _views)
+    _drop(json, source, "samplers", _samplers)
+    _drop(json, source, "accessors", _accessors)
+    views = _drop(json, source, "bufferViews", _views)
     assembly.views = [assembly.views[old] for old in sorted(views)]

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+import posixpath
+from dataclasses import dataclass, replace
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from paintit.config import LimitConfig
 from paintit.errors import MeshError
 from paintit.mesh.gltf_document import GltfDocument
+from paintit.mesh.gltf_texcoord import texcoord_of, transformed
+from paintit.mesh.limits import check_limit
 from paintit.mesh.mesh import Mesh, Part
-
-SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
-TRANSFORM = "KHR_texture_transform"
 
 
 def document_of(mesh: Mesh) -> GltfDocument | None:
@@ -78,24 +80,6 @@ def material_of(document: GltfDocument, mesh: Mesh, layer: int) -> dict[str, Any
     return {} if index is None else document.json["materials"][index]
 
 
-def texcoord_of(info: dict[str, Any]) -> int:
-    """UV set that a texture info reads."""
-    transform = info.get("extensions", {}).get(TRANSFORM, {})
-    return int(transform.get("texCoord", info.get("texCoord", 0)))
-
-
-def transformed(info: dict[str, Any], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """UVs (..., 2) after the info's KHR_texture_transform: translation * rotation * scale, in its order."""
-    transform = info.get("extensions", {}).get(TRANSFORM)
-    if transform is None:
-        return uv
-    scale = np.array(transform.get("scale", (1.0, 1.0)))
-    offset = np.array(transform.get("offset", (0.0, 0.0)))
-    angle = float(transform.get("rotation", 0.0))
-    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return (uv * scale) @ rotation.T + offset
-
-
 def texture_pixels(document: GltfDocument, info: dict[str, Any]) -> NDArray[np.float32] | None:
     """(h, w, 4) in [0, 1] as stored (no colour decoding); None where the texture has no image that can be read."""
     texture = document.json["textures"][info["index"]]
@@ -103,24 +87,46 @@ def texture_pixels(document: GltfDocument, info: dict[str, Any]) -> NDArray[np.f
     source = next((s for s in sources if s is not None), None)
     if source is None:
         return None
-    return image_pixels(document.image(source))
+    return image_pixels(document.image(source), document.limits)
 
 
-def image_pixels(data: bytes) -> NDArray[np.float32]:
+def image_pixels(data: bytes, limits: LimitConfig | None = None) -> NDArray[np.float32]:
     """Any PNG, JPEG or WebP as (h, w, 4) float32 in [0, 1]; grey is repeated, missing alpha is 1.
 
     Raises:
-        MeshError: ``"image.unreadable"``.
+        MeshError: ``"image.unreadable"``; ``"mesh.limit"``, its header promises more pixels than ``limits`` allow.
     """
     try:
-        image = Image.open(io.BytesIO(data))
+        image = _opened(data)
+        check_limit(limits or LimitConfig(), "image_megapixels", -(-image.width * image.height // 10**6),
+                    f"megapixels of an image of {image.width} x {image.height}")  # fmt: skip
         image.load()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except (OSError, SyntaxError, ValueError) as error:
         raise MeshError("image.unreadable", f"a texture cannot be read: {error}", "save it again as PNG") from None
     if image.mode.startswith("I"):  # 16-bit grey
         grey = (np.asarray(image, np.float32) / 65535.0).clip(0, 1)
         return np.stack([grey, grey, grey, np.ones_like(grey)], -1)
     return np.asarray(image.convert("RGBA"), np.float32) / 255.0
+
+
+def _opened(data: bytes) -> Image.Image:
+    """The image with its header read. Pillow's own limit on pixels is lower than ours and cannot be passed in."""
+    theirs, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    try:
+        return Image.open(io.BytesIO(data))
+    finally:
+        Image.MAX_IMAGE_PIXELS = theirs
+
+
+def file_of(uri: Any) -> str:
+    """The file that a URI of a glTF document names, below its folder, with ``/``; "" where it names none.
+
+    ``data:`` URIs name none, nor do paths that begin above the folder.
+    """
+    if not isinstance(uri, str) or uri[:5].lower() == "data:":
+        return ""
+    name = posixpath.normpath(unquote(uri))
+    return "" if name.startswith(("/", "..")) else name
 
 
 def layer_parts(mesh: Mesh, layer: int) -> list[Part]:
@@ -201,7 +207,8 @@ def onto_layer(
     from paintit.mesh.uv import fill_gutters, rasterize_uv
 
     side = max(size)
-    texels = rasterize_uv(mesh, side)
+    alone = tuple(replace(found, painted=i == layer) for i, found in enumerate(mesh.layers))
+    texels = rasterize_uv(replace(mesh, layers=alone), side)
     face, weight = texels.face[layer], texels.barycentric[layer]
     by_face = np.zeros((len(mesh.faces), 3, 2))
     by_face[where.faces] = where.uv

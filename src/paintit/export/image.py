@@ -145,14 +145,16 @@ def map_files(folder: Path, mesh: Mesh, maps: TextureMaps) -> dict[Path, bytes]:
     """The PNG files of :func:`write_maps` and their contents."""
     check_layers(mesh, maps)
     files: dict[Path, bytes] = {}
-    for suffix, layer in zip(layer_suffixes(mesh), encode_maps(maps), strict=True):
-        for name in ("base_color", "orm", "normal"):
-            files[folder / f"{name}{suffix}.png"] = png_bytes(getattr(layer, name))
+    for layer, suffix, images in zip(mesh.layers, layer_suffixes(mesh), encode_maps(maps), strict=True):
+        for name in ("base_color", "orm", "normal") if layer.painted else ():
+            files[folder / f"{name}{suffix}.png"] = png_bytes(getattr(images, name))
     return files
 
 
 def write_maps(folder: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     """Write ``base_color.png``, ``orm.png``, ``normal.png``; with several layers ``base_color_MATERIAL.png`` etc.
+
+    Layers that are not painted are left out.
 
     Returns:
         The paths written.

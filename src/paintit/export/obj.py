@@ -17,6 +17,9 @@ from paintit.export.image import (
     unique_names,
     write_files,
 )
+from paintit.export.mtl import libraries
+from paintit.export.obj_document import number, rewritten_lines
+from paintit.export.siblings import same_content
 from paintit.export.vertices import group_rows
 from paintit.mesh.mesh import Mesh, Part
 from paintit.mesh.obj import ObjDocument
@@ -26,8 +29,9 @@ from paintit.texture.maps import TextureMaps
 def write_obj(path: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     """Write ``path`` (.obj), ``STEM.mtl`` and the PNG maps ``STEM_base_color.png`` etc. beside it.
 
-    An OBJ that was read with its own UVs is written line by line as it came, polygons, groups and numbers untouched;
-    only its material library is another. Anything else is written from the mesh, vertices in the mesh's order.
+    An OBJ is written line by line as it came (:func:`rewritten_lines`), with another material library: materials that
+    are not painted keep their words in it, and the images these name are copied. Anything else is written from the
+    mesh, vertices in the mesh's order.
 
     Returns:
         The paths written, ``path`` last.
@@ -38,18 +42,27 @@ def write_obj(path: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     path = Path(path)
     check_layers(mesh, maps)
     stem = safe_name(path.stem, "mesh")
+    document = mesh.source.document if mesh.source is not None else None
+    own = libraries(mesh)
     files: dict[Path, bytes] = {}
     library = [f"# paintit {__version__}"]
     names = material_names(mesh)
-    for name, suffix, encoded in zip(names, layer_suffixes(mesh), encode_maps(maps), strict=True):
+    kept: list[str] = []
+    for layer, name, suffix, encoded in zip(mesh.layers, names, layer_suffixes(mesh), encode_maps(maps), strict=True):
+        if isinstance(document, ObjDocument) and not layer.painted:
+            library += ["", *own.blocks.get(name, ())]
+            kept.append(name)
+            continue
         images = _images(encoded)
         library += ["", *_material(name, {key: f"{stem}_{key}{suffix}.png" for key in images})]
         for key, data in images.items():
             files[path.with_name(f"{stem}_{key}{suffix}.png")] = data
+    for name, image in own.images(kept).items():
+        if not same_content(path.parent / name, image):
+            files[path.parent / name] = image.read_bytes()
     files[path.with_name(f"{stem}.mtl")] = ("\n".join(library) + "\n").encode()
-    document = mesh.source.document if mesh.source is not None else None
-    if isinstance(document, ObjDocument) and mesh.report.uv_origin == "file" and len(mesh.uvs):
-        lines = _with_library(document, mesh, names, f"{stem}.mtl")
+    if isinstance(document, ObjDocument):
+        lines = rewritten_lines(document, mesh, names, f"{stem}.mtl")
     else:
         lines = _from_mesh(mesh, names, f"{stem}.mtl")
     files[path] = ("\n".join(lines).rstrip("\n") + "\n").encode()
@@ -90,36 +103,13 @@ def _material(name: str, files: dict[str, str]) -> list[str]:
     ]
 
 
-def _with_library(document: ObjDocument, mesh: Mesh, names: list[str], library: str) -> list[str]:
-    """The file's own lines with another ``mtllib``; faces before the first ``usemtl`` get one."""
-    out = [f"mtllib {library}"]
-    first_face = int(document.polygon_line[0])
-    named = False
-    for number, line in enumerate(document.lines):
-        word = line.split(maxsplit=1)[0] if line.strip() else ""
-        if word == "mtllib":
-            continue
-        if number == first_face and not named:
-            out.append(f"usemtl {names[int(mesh.face_layer[0])]}")
-        if word == "usemtl":
-            named = True
-            line = line if len(line.split()) > 1 else "usemtl material"
-        out.append(line)
-    return out
-
-
-def _number(value: float) -> str:
-    """Shortest text that reads back as the same number."""
-    return repr(float(value)).removesuffix(".0")
-
-
 def _from_mesh(mesh: Mesh, names: list[str], library: str) -> list[str]:
     """All triangles, v as in the mesh, v axis of the texture turned upward again, normals shared where equal."""
     first, group = group_rows([mesh.normals.reshape(-1, 3)])
     normals = mesh.normals.reshape(-1, 3)[first]
     out = [f"# paintit {__version__}", f"mtllib {library}"]
-    out += [f"v {_number(x)} {_number(y)} {_number(z)}" for x, y, z in mesh.vertices.tolist()]
-    out += [f"vt {_number(u)} {_number(1.0 - v)}" for u, v in mesh.uvs.tolist()]
+    out += [f"v {number(x)} {number(y)} {number(z)}" for x, y, z in mesh.vertices.tolist()]
+    out += [f"vt {number(u)} {number(1.0 - v)}" for u, v in mesh.uvs.tolist()]
     out += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]
     corner = np.stack([mesh.faces, mesh.face_uvs, group.reshape(-1, 3)], -1) + 1
     name, layer = None, -1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from paintit.color import decode_srgb
 from paintit.errors import MeshError
 from paintit.export.gltf_source import (
-    SPECULAR_GLOSSINESS,
     document_of,
     image_pixels,
     material_of,
@@ -22,7 +22,9 @@ from paintit.export.gltf_source import (
 )
 from paintit.export.image import layer_suffixes
 from paintit.mesh.gltf_document import GltfDocument
+from paintit.mesh.gltf_texcoord import SPECULAR_GLOSSINESS
 from paintit.mesh.mesh import Mesh
+from paintit.texture.fixed import grey, with_fixed
 from paintit.texture.maps import TextureMaps
 
 #: Size of maps that hold factors alone.
@@ -31,7 +33,7 @@ PLAIN_SIZE = 16
 MAX_SIZE = 4096
 
 
-def read_maps(mesh: Mesh, size: int | None = None) -> TextureMaps:
+def read_maps(mesh: Mesh, size: int | None = None, layers: Sequence[int] | None = None) -> TextureMaps:
     """The PBR textures and factors of the glTF document that ``mesh`` was read from, one set per layer.
 
     Everything is brought to one square size and into the mesh's own UVs. Linear values; the normal map's scale is
@@ -39,6 +41,7 @@ def read_maps(mesh: Mesh, size: int | None = None) -> TextureMaps:
 
     Args:
         size: texels along each side; None: the largest texture in use (16 where there is none).
+        layers: which layers; None: all.
 
     Raises:
         MeshError: ``"maps.none"``, the mesh did not come from glTF; ``"image.unreadable"``.
@@ -50,20 +53,64 @@ def read_maps(mesh: Mesh, size: int | None = None) -> TextureMaps:
             "only .glb and .gltf files carry PBR textures that can be read",
             "name a .glb, a .gltf, or the run folder",
         )
-    layers = [_Slots(document, material_of(document, mesh, i)) for i in range(len(mesh.layers))]
-    side = size or min(max((slot.side for slot in layers), default=0) or PLAIN_SIZE, MAX_SIZE)
-    return _stack([slot.maps(mesh, i, side) for i, slot in enumerate(layers)])
+    chosen = range(len(mesh.layers)) if layers is None else layers
+    slots = {i: _Slots(document, material_of(document, mesh, i)) for i in chosen}
+    side = size or min(max((slot.side for slot in slots.values()), default=0) or PLAIN_SIZE, MAX_SIZE)
+    return _stack([slot.maps(mesh, i, side) for i, slot in slots.items()])
+
+
+def unpainted_maps(mesh: Mesh, size: int) -> TextureMaps | None:
+    """How the layers that are not painted look, in their order: a glTF file's own maps; None for other formats.
+
+    Raises:
+        MeshError: ``"image.unreadable"``.
+    """
+    kept = [i for i, layer in enumerate(mesh.layers) if not layer.painted]
+    return read_maps(mesh, size, kept) if kept and document_of(mesh) is not None else None
+
+
+def read_emission(mesh: Mesh, size: int) -> torch.Tensor | None:
+    """(layers, size, size, 3) linear radiance that the document's materials emit by themselves; None where none does.
+
+    Not among the maps, since it is never painted: the exporter keeps it as it is, and every viewer shows it.
+
+    Raises:
+        MeshError: ``"image.unreadable"``.
+    """
+    document = document_of(mesh)
+    if document is None:
+        return None
+    layers = []
+    for index in range(len(mesh.layers)):
+        material = material_of(document, mesh, index)
+        strength = (
+            material.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        )
+        factor = strength * torch.tensor(material.get("emissiveFactor", [0.0] * 3), dtype=torch.float32)
+        info = material.get("emissiveTexture")
+        pixels = texture_pixels(document, info) if info is not None and factor.any() else None
+        if info is None or pixels is None:
+            layers.append(factor.expand(size, size, 3))
+        else:
+            stored = onto_layer(document, mesh, index, info, pixels[..., :3], (size, size))
+            layers.append(decode_srgb(torch.from_numpy(np.ascontiguousarray(stored))) * factor)
+    emission = torch.stack(layers)
+    return emission if emission.any() else None
 
 
 def read_maps_folder(folder: Path, mesh: Mesh, size: int | None = None) -> TextureMaps:
     """The maps that :func:`paintit.export.image.write_maps` wrote into ``folder`` for this mesh.
+
+    Layers that are not painted have no files there: they look as in :func:`unpainted_maps`, grey where that is None.
 
     Raises:
         MeshError: ``"maps.missing"``, a file is not there; ``"image.unreadable"``.
     """
     folder = Path(folder)
     pixels: list[dict[str, NDArray[np.float32]]] = []
-    for suffix in layer_suffixes(mesh):
+    for suffix, layer in zip(layer_suffixes(mesh), mesh.layers, strict=True):
+        if not layer.painted:
+            continue
         found: dict[str, NDArray[np.float32]] = {}
         for name in ("base_color", "orm", "normal"):
             path = folder / f"{name}{suffix}.png"
@@ -78,7 +125,7 @@ def read_maps_folder(folder: Path, mesh: Mesh, size: int | None = None) -> Textu
         pixels.append(found)
     side = size or max(max(image.shape[:2]) for found in pixels for image in found.values())
     square = (side, side)
-    return _stack(
+    painted = _stack(
         [
             _decode(
                 resized(found["base_color"], square), resized(found["orm"], square), resized(found["normal"], square)
@@ -86,6 +133,8 @@ def read_maps_folder(folder: Path, mesh: Mesh, size: int | None = None) -> Textu
             for found in pixels
         ]
     )
+    mine = [layer.painted for layer in mesh.layers]
+    return with_fixed(painted, unpainted_maps(mesh, side) or grey(mine.count(False), side), mine)
 
 
 def _decode(base_color: NDArray[np.float32], orm: NDArray[np.float32], normal: NDArray[np.float32]) -> TextureMaps:

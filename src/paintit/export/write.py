@@ -10,6 +10,7 @@ from paintit.errors import OutputError, UsageError
 from paintit.export.gltf import write_gltf
 from paintit.export.image import write_files, write_maps
 from paintit.export.obj import write_obj
+from paintit.export.siblings import check_siblings
 from paintit.files import output_error
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
@@ -71,11 +72,12 @@ def write(path: Path, mesh: Mesh, maps: TextureMaps, metadata: dict[str, Any], o
 
     Raises:
         UsageError: the extension is not known.
-        OutputError: the file exists and ``overwrite`` is False, or the file system refuses; a file under its final name
-            is always complete.
+        OutputError: the file, or one that is written beside it, exists and ``overwrite`` is False or it belongs to the
+            mesh that was read; or the file system refuses. A file under its final name is always complete.
     """
     path = Path(path)
     check_output(path, overwrite)
+    check_siblings(path, mesh, overwrite)
     kind = kind_of(path)
     if kind in (".glb", ".gltf"):
         return write_gltf(path, mesh, maps, metadata)

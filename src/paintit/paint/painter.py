@@ -26,7 +26,7 @@ from paintit.guidance.sds import sds_gradient
 from paintit.mesh.mesh import Mesh
 from paintit.paint.gutters import Gutters
 from paintit.paint.placement import Placement
-from paintit.paint.views import Views, ViewSampler
+from paintit.paint.views import Views, ViewSampler, focus_note, focus_regions
 from paintit.render.gbuffer import GBuffer, rasterize
 from paintit.render.geometry import Geometry
 from paintit.render.light import Light, load_environment, prefilter
@@ -34,6 +34,7 @@ from paintit.render.render import Channels, render
 from paintit.render.sample import contributions
 from paintit.rng import Streams, uniform
 from paintit.texture.field import make_field
+from paintit.texture.fixed import grey, with_fixed
 from paintit.texture.maps import TextureMaps
 
 
@@ -69,6 +70,7 @@ class Painter:
         config: every setting; the seed in it decides every random number.
         prior: the diffusion prior; by default the one that ``config.guidance`` names.
         light: the prefiltered light; by default the one that ``config.light`` names.
+        fixed: maps of the layers that are not painted, in their order, of ``config.texture.size``; by default grey.
         profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
 
     Attributes:
@@ -83,13 +85,15 @@ class Painter:
         config: PaintConfig,
         prior: Prior | None = None,
         light: Light | None = None,
+        fixed: TextureMaps | None = None,
         *,
         profile: bool = False,
     ) -> None:
         self.mesh = mesh
         self.config = config
         words = config.prompt
-        self.prompts = Prompts(prompt, words.template, words.negative, [region.name for region in config.views.focus])
+        regions = focus_regions(mesh, config.views)
+        self.prompts = Prompts(prompt, words.template, words.negative, [region.name for region in regions])
         self.device, self.device_reason = choose_device(config.device)
         self.streams = Streams(config.seed)
         self.prior = prior or load_prior(
@@ -101,7 +105,10 @@ class Painter:
         self.sample_views = ViewSampler(mesh, config.views)
         moved = config.guidance.placement == "seed" and self.prior.spec.movable
         self.place = Placement(self.streams["placement"] if moved else None)
-        self.field = make_field(config.texture, len(mesh.layers), self.streams["field"]).to(self.device)
+        self._painted = [layer.painted for layer in mesh.layers]
+        self.field = make_field(config.texture, sum(self._painted), self.streams["field"]).to(self.device)
+        fixed = fixed or grey(self._painted.count(False), config.texture.size)
+        self._fixed = TextureMaps.unpacked(fixed.packed().detach().to(self.device))
         self.fill_gutters = Gutters(mesh, config.texture.size, self.device)
         size = config.texture.size
         self.support = torch.zeros(len(mesh.layers), size, size, device=self.device)
@@ -115,6 +122,12 @@ class Painter:
     def sent_prompts(self) -> tuple[str, ...]:
         """Exactly the texts that the prior may be asked for, the negative one first."""
         return self.prompts.distinct()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found in the mesh, and what was chosen because of it."""
+        chosen = focus_note(self.mesh, self.config.views)
+        return (*self.mesh.report.notes, *([chosen] if chosen else []))
 
     @property
     def readings(self) -> dict[str, str]:
@@ -132,7 +145,7 @@ class Painter:
         """One step of Paint-it."""
         config, streams, clock = self.config, self.streams, _Clock(self.device, self._profile)
 
-        maps = self.field()  # T_theta(z), 3.3
+        maps = with_fixed(self.field(), self._fixed, self._painted)  # T_theta(z), 3.3
         clock("network")
         views = self.sample_views(streams["views"])  # supp. A.2
         image = self._render(self.fill_gutters(maps), views)  # eq. 2
@@ -214,7 +227,7 @@ class Painter:
     @torch.no_grad()
     def maps(self) -> TextureMaps:
         """The texture maps as they stand, detached."""
-        return self.field().detach()
+        return with_fixed(self.field(), self._fixed, self._painted).detach()
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that the next step depends on; ``load_state_dict`` of it continues bit for bit."""

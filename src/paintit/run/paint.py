@@ -21,6 +21,8 @@ from paintit.device import choose_device
 from paintit.errors import PaintitError, RunError
 from paintit.export.image import write_maps
 from paintit.export.preview import preview, turntable, write_turntable
+from paintit.export.read_maps import unpainted_maps
+from paintit.export.seams import seam_figure
 from paintit.export.write import write
 from paintit.files import atomic, make_folder, output_error
 from paintit.guidance.load import load_prior
@@ -32,7 +34,7 @@ from paintit.render.light import load_environment, prefilter
 from paintit.run import record as records
 from paintit.run.folder import RunFolder, find, locked
 from paintit.run.record import Record
-from paintit.run.request import Request, check, settings_of
+from paintit.run.request import Request, check, load, settings_of
 from paintit.settings import dump_toml, names, validate
 
 #: Seconds between checkpoints.
@@ -91,7 +93,8 @@ def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> 
         guidance.prior, device=str(device), dtype=config.dtype, revision=guidance.revision,
         allow_download=request.allow_download,
     )  # fmt: skip
-    return Painter(mesh, prompt, config, prior, prefilter(environment, device))
+    fixed = unpainted_maps(mesh, config.texture.size)
+    return Painter(mesh, prompt, config, prior, prefilter(environment, device), fixed)
 
 
 def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
@@ -104,7 +107,7 @@ def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
     if request.prompt is not None and api.check_prompt(request.prompt) != old.prompt:
         raise RunError("run.differs", f"the run's prompt is '{old.prompt}', not '{request.prompt.strip()}'",
                        "leave the prompt out, or start a new run")  # fmt: skip
-    mesh = api.load_mesh(request.mesh or _recorded_input(folder, old), config.unwrap)
+    mesh = load(request.mesh or _recorded_input(folder, old), config)
     digest = mesh.source.sha256 if mesh.source else ""
     if digest != old.input.get("sha256"):
         raise RunError(
@@ -171,14 +174,14 @@ def run(
             seconds = record.seconds + time.perf_counter() - start
             result = api.result_of(job.painter, job.prompt, tuple(history), seconds, stopped=True)
             done = job.painter.step >= job.painter.total
-            files = _export(job, result) if done else ()
+            files, seam = _export(job, result) if done else ((), None)
         except BaseException as error:
             _failed(job, record, error, time.perf_counter() - start)
             raise
         record = dataclasses.replace(
             record, state="finished" if done else "stopped", outcome=result.outcome, step=job.painter.step,
             ended=records.now(), seconds=round(seconds, 3), peak_memory=result.peak_memory,
-            prompts=_prompts(job.painter),
+            prompts=_prompts(job.painter), seam=seam,
         )  # fmt: skip
         records.write(job.folder.record, record)
     return Done(job.folder, record, result, files)
@@ -214,6 +217,7 @@ def _start(job: Job) -> Record:
             "sha256": source.sha256 if source else "",
             "faces": len(mesh.faces),
             "layers": [layer.name for layer in mesh.layers],
+            "painted": [layer.name for layer in mesh.layers if layer.painted],
             "uvs": mesh.report.uv_origin,
         },
         prior=records.without_folders(dataclasses.asdict(painter.prior.spec)),
@@ -224,7 +228,7 @@ def _start(job: Job) -> Record:
         },
         versions=records.versions(),
         config=records.without_folders(to_dict(painter.config)),
-        notes=mesh.report.notes,
+        notes=painter.notes,
     )
     records.write(folder.record, record)
     return record
@@ -298,8 +302,8 @@ def _forget_after(folder: RunFolder, step: int) -> None:
             path.unlink(missing_ok=True)
 
 
-def _export(job: Job, result: api.PaintResult) -> tuple[Path, ...]:
-    """Everything that is made of the maps; the asset last, so that where it is, all is."""
+def _export(job: Job, result: api.PaintResult) -> tuple[tuple[Path, ...], dict[str, Any] | None]:
+    """Everything that is made of the maps, the asset last, so that where it is, all is; and the ``seam`` figure."""
     folder, ready = job.folder, result.finished()
     light = job.painter.config.light.path
     files = [folder.asset, folder.textures]
@@ -310,8 +314,9 @@ def _export(job: Job, result: api.PaintResult) -> tuple[Path, ...]:
     if job.request.turntable:
         write_turntable(folder.turntable, turntable(ready.mesh, ready.maps, light_path=light))
         files.append(folder.turntable)
+    seam = seam_figure(ready.mesh, ready.maps)
     write(folder.asset, ready.mesh, ready.maps, ready.metadata, overwrite=True)
-    return tuple(files)
+    return tuple(files), dataclasses.asdict(seam) | {"worst_at": list(seam.worst_at)} if seam else None
 
 
 def _image(path: Path, image: Any) -> None:

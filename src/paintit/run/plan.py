@@ -10,6 +10,7 @@ from paintit.errors import PriorError
 from paintit.guidance.load import known_prior, load_prior
 from paintit.guidance.prompt import Prompts
 from paintit.mesh.mesh import Mesh
+from paintit.paint.views import focus_note, focus_regions
 from paintit.render.light import load_environment
 from paintit.run.folder import RunFolder
 from paintit.run.paint import prepare
@@ -45,28 +46,31 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
     config = request.config
     device, reason = choose_device(config.device)
     environment = load_environment(config.light.path, config.light.exposure)
-    regions = [region.name for region in config.views.focus]
+    regions = [region.name for region in focus_regions(mesh, config.views)]
+    focus = focus_note(mesh, config.views)
     prompts = Prompts(prompt, config.prompt.template, config.prompt.negative, regions)
     files = [folder.asset, folder.textures, folder.record, folder.config, folder.log, folder.checkpoint]
     files += [folder.preview] if request.preview else []
     files += [folder.turntable] if request.turntable else []
     files += [folder.snapshots] if request.snapshot_every else []
+    painted = [layer.name for layer in mesh.layers if layer.painted]
     return {
         "mesh": mesh.source.path.name if mesh.source else "",
         "faces": len(mesh.faces),
         "layers": [layer.name for layer in mesh.layers],
+        "painted": painted,
         "uvs": "kept from the file" if mesh.report.uv_origin == "file" else "made by unwrapping",
-        "notes": list(mesh.report.notes),
+        "notes": [*mesh.report.notes, *([focus] if focus else [])],
         "prior": _prior(request),
         "light": environment.name,
         "prompts": list(prompts.distinct()),
         "steps": config.optim.steps,
         "views": f"{config.views.count} of {config.views.size} x {config.views.size} pixels",
-        "textures": f"{len(mesh.layers)} x {config.texture.size} x {config.texture.size} texels",
+        "textures": f"{len(painted)} x {config.texture.size} x {config.texture.size} texels",
         "device": str(device),
         "device_reason": reason,
         "seed": config.seed,
-        "memory": memory(config, len(mesh.layers), len(mesh.faces)),
+        "memory": memory(config, len(painted), len(mesh.faces)),
         "run": str(folder.folder),
         "files": [str(path) for path in files],
     }

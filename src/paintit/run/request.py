@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from paintit import api
-from paintit.config import PaintConfig
+from paintit.config import PaintConfig, ViewConfig
 from paintit.errors import UsageError
+from paintit.export.siblings import check_siblings
 from paintit.mesh.mesh import Mesh
 from paintit.run.folder import RunFolder, check_free, check_writable, resolve
 from paintit.settings import load_toml, validate
@@ -53,16 +54,27 @@ def check(request: Request) -> Checked:
     check_free(folder, request.mesh, request.overwrite)
     check_writable(folder.asset.parent)
     check_writable(folder.folder)
-    return Checked(folder, api.load_mesh(request.mesh, request.config.unwrap), prompt)
+    mesh = load(request.mesh, request.config)
+    check_siblings(folder.asset, mesh, request.overwrite)
+    return Checked(folder, mesh, prompt)
+
+
+def load(path: Path, config: PaintConfig) -> Mesh:
+    """The mesh as the settings want it unwrapped, posed and chosen from.
+
+    Raises:
+        PaintitError: it cannot be read, or a material is not there.
+    """
+    return api.load_mesh(path, config.unwrap, config.materials, config.exclude, pose=config.pose, limits=config.limits)
 
 
 def settings_of(run: Path) -> PaintConfig:
     """The settings that the run in the folder ``run`` was painted with.
 
-    A setting that is younger than the run has its default, which is what was done before there was the setting, and not
-    the preset's value of today.
+    A setting that is younger than the run has the value of what was done before there was the setting, and not that of
+    the preset today.
 
     Raises:
         UsageError: they cannot be read.
     """
-    return load_toml(run / "config.toml", PaintConfig())
+    return load_toml(run / "config.toml", PaintConfig(views=ViewConfig(auto_focus=False)))
