@@ -124,7 +124,7 @@ def main() -> None:
         target = options.folder / f"painted-{path.suffix[1:]}.glb"
         paint = ["paint", str(path), "a koala with thick grey fur", "--steps", str(options.steps), "-o", str(target)]
         out, *inspected = measured([*paintit, "--json", "inspect", str(path)], options.folder)
-        faces = json.loads(out)["mesh"]["faces"]
+        faces = json.loads(out)["data"]["mesh"]["faces"]
         out, *painted = measured([*paintit, "--json", *paint, "--overwrite"], options.folder)
         for name, row in (("inspect", inspected), ("paint", painted)):
             print(f"{path.suffix[1:]} {name:20}{row[0]:9.1f}{row[1]:9.1f}{row[2]:10.0f}")
