@@ -59,8 +59,7 @@ def close_seams(
         The maps, and (layers, size, size) which texels now hold values of their own: the islands' and those beside
         seams. Gutters farther out are to be filled again. Deterministic, whatever the thread count.
     """
-    edges = surface_edges(mesh)
-    edges = edges[edges.seam]
+    edges = surface_edges(mesh, only_seams=True)
     if not len(edges):
         return values, texels.covered
     channels = values[..., :5].astype(np.float64)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from paintit.mesh.weld import row_ids
+
 Ints = NDArray[np.int64]
 
 
@@ -21,12 +23,7 @@ def group_rows(columns: list[NDArray[Any]]) -> tuple[Ints, Ints]:
         first: (groups,) index of the first row of each group, ascending.
         group: (n,) group of each row.
     """
-    count = len(columns[0])
-    group = np.zeros(count, np.int64)
-    for column in columns:
-        words = _words(column)
-        for k in range(words.shape[1]):
-            group = _refine(group, words[:, k])
+    group, _ = row_ids(np.concatenate([_words(column) for column in columns], 1))
     _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty_like(order)
@@ -44,14 +41,6 @@ def _words(column: NDArray[Any]) -> NDArray[np.int64]:
             return bits.view(np.int64)
         return bits.astype(np.int64)
     return flat.astype(np.int64)
-
-
-def _refine(group: Ints, key: NDArray[np.int64]) -> Ints:
-    """Split ``group`` by ``key``: dense numbers, equal exactly where both are equal."""
-    _, dense = np.unique(key, return_inverse=True)
-    dense = dense.reshape(-1).astype(np.int64)
-    _, combined = np.unique(group * (int(dense.max(initial=0)) + 1) + dense, return_inverse=True)
-    return combined.reshape(-1).astype(np.int64)
 
 
 @dataclass(frozen=True)

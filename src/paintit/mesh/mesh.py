@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ class Mesh:
     report: Report = field(default_factory=Report)
     head: Head | None = None
 
-    @property
+    @cached_property
     def bounds(self) -> Floats:
         """(2, 3) lowest and highest corner over the vertices that faces use."""
         used = self.vertices[np.unique(self.faces)]

@@ -52,9 +52,7 @@ class SurfaceEdges:
 
         Sides that differ by whole textures read the same texels, since textures repeat: that is no seam.
         """
-        apart = self.uv[:, 0] - self.uv[:, 1]
-        apart -= np.round(apart[:, :1])
-        return (np.abs(apart) > SAME_UV).any((1, 2))
+        return _apart(self.uv)
 
     @property
     def interior(self) -> NDArray[np.bool_]:
@@ -68,8 +66,15 @@ class SurfaceEdges:
         return ~self.seam & (side[:, 0] != side[:, 1])
 
 
-def surface_edges(mesh: Mesh) -> SurfaceEdges:
-    """Every edge that two faces of one painted layer share, vertices at one place being one.
+def _apart(uv: Floats) -> NDArray[np.bool_]:
+    """(n,) whether two sides, ``uv`` (n, 2, 2, 2), have different texture coordinates; False where one has none."""
+    apart = uv[:, 0] - uv[:, 1]
+    apart -= np.round(apart[:, :1])
+    return (np.abs(apart) > SAME_UV).any((1, 2))
+
+
+def surface_edges(mesh: Mesh, only_seams: bool = False) -> SurfaceEdges:
+    """Every edge, or every seam, that two faces of one painted layer share, vertices at one place being one.
 
     Left out are edges between layers (borders of materials, not seams), those without length, and those of faces
     without area or without finite texture coordinates. More than two faces on an edge pair up two by two. The order is
@@ -86,6 +91,9 @@ def surface_edges(mesh: Mesh) -> SurfaceEdges:
     corners[turned, 1] = corners[turned, 1, ::-1]
     points = positions[:, 0]
     uv = corner_uvs[faces[..., None], corners]
+    if only_seams:
+        kept = _apart(uv)
+        faces, corners, points, uv = faces[kept], corners[kept], points[kept], uv[kept]
     third = 3 - corners.sum(-1)
     apex, apex_uv = mesh.vertices[mesh.faces[faces, third]], corner_uvs[faces, third]
 
