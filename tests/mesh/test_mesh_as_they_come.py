@@ -90,3 +90,13 @@ def test_a_heap_of_leaves_gets_a_cell_for_each_triangle(tmp_path: Path) -> None:
     assert found.zero_area_faces == 0
     assert mesh.uvs.min() > 0
     assert mesh.uvs.max() < 1
+
+
+def test_faces_that_lie_on_one_another_share_their_texels(tmp_path: Path) -> None:
+    """A cube whose sides are stored three times, once inside out and once from another corner on."""
+    mesh = mesh_of(tmp_path, CUBE, np.concatenate([FACES, FACES[:, ::-1], np.roll(FACES, 1, axis=1)]))
+    alone = mesh_of(tmp_path, CUBE, FACES)
+    uv = mesh.corner_uvs.reshape(3, len(FACES), 3, 2)
+    np.testing.assert_array_equal(uv[0], alone.corner_uvs)
+    np.testing.assert_array_equal(uv[1], uv[0][:, ::-1])
+    np.testing.assert_array_equal(uv[2], np.roll(uv[0], 1, axis=1))

@@ -122,17 +122,18 @@ def _unwrap_faces(vertices: Floats, faces: Ints, name: str) -> _Result:
             f"all {len(faces)} faces of '{name}' are degenerate (zero area)",
             "repair the mesh: its triangles have no area",
         )
+    single, twin = _without_twins(welded[good])
     tried: list[_Result] = []
     reasons: list[str] = []
-    for by, program in _programs(points, welded[good]):
+    for by, program in _programs(points, single):
         try:
-            uv = program(points, welded[good])
+            uv = program(points, single)
         except (KeyboardInterrupt, SystemExit):
             raise
         except BaseException as error:  # compiled code: a panic in Rust is no Exception; the other one may still do
             reasons.append(f"{by}: {str(error)[:60]}")
             continue
-        if uv.shape != (len(good), 3, 2) or not np.isfinite(uv).all() or uv.min() < -1e-6 or uv.max() > 1 + 1e-6:
+        if uv.shape != (len(single), 3, 2) or not np.isfinite(uv).all() or uv.min() < -1e-6 or uv.max() > 1 + 1e-6:
             reasons.append(f"{by}: invalid result")
             continue
         coverage, overlap = _measure(uv)
@@ -150,9 +151,25 @@ def _unwrap_faces(vertices: Floats, faces: Ints, name: str) -> _Result:
         key=lambda r: (r.overlap > MAX_OVERLAP, round(r.overlap, 3) if r.overlap > MAX_OVERLAP else 0, -r.coverage),
     )
     corner_uvs = np.empty((len(faces), 3, 2))
-    corner_uvs[good] = np.clip(best.corner_uvs * (1.0, -1.0) + (0.0, 1.0), 0.0, 1.0)  # both programs count v upward
+    same_vertex = (welded[good][:, :, None] == single[twin][:, None, :]).argmax(2)
+    uv = np.take_along_axis(best.corner_uvs[twin], same_vertex[..., None], 1)
+    corner_uvs[good] = np.clip(uv * (1.0, -1.0) + (0.0, 1.0), 0.0, 1.0)  # all programs count v upward
     _fill_degenerate(corner_uvs, welded, good)
     return replace(best, corner_uvs=corner_uvs)
+
+
+def _without_twins(faces: Ints) -> tuple[Ints, Ints]:
+    """Each triangle once (k, 3), and (f,) which of these each of ``faces`` lies on, in either winding.
+
+    Leaves and cloths are often stored twice, back to back. They are one place and share their texels; to an unwrapper
+    three faces at an edge are no surface, and it would cut each triangle out by itself.
+    """
+    ids, _ = row_ids(np.sort(faces, axis=1))
+    _, first, twin = np.unique(ids, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return faces[first[order]], rank[twin.reshape(-1)]
 
 
 def _programs(points: NDArray[np.float32], faces: Ints) -> list[tuple[str, Program]]:
