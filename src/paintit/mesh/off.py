@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from paintit.errors import MeshError
-from paintit.mesh.mesh import Floats, Ints, Layer, Part
+from paintit.mesh.mesh import Floats, Ints
 from paintit.mesh.parsed import Parsed
 from paintit.mesh.triangulate import triangulate
 
@@ -51,17 +51,7 @@ def read_off(data: bytes) -> Parsed:
     corners, start = _polygons(rows[vertex_count:], vertex_count)
     faces = corners[triangulate(vertices[corners], start)]
     larger = int((np.diff(start) > 3).sum())
-    return Parsed(
-        vertices,
-        faces,
-        np.zeros((0, 2)),
-        np.full_like(faces, -1),
-        np.full((len(faces), 3, 3), np.nan, np.float32),
-        np.zeros(len(faces), np.int64),
-        (Layer("material"),),
-        (Part("mesh", (0, len(faces)), 0),),
-        notes=(f"triangulated {larger} polygons",) if larger else (),
-    )
+    return Parsed.bare(vertices, faces, (f"triangulated {larger} polygons",) if larger else ())
 
 
 def _vertices(rows: list[list[str]]) -> Floats:

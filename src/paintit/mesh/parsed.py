@@ -41,3 +41,18 @@ class Parsed:
     corner_vertex: Ints | None = None
     notes: tuple[str, ...] = ()
     head: Head | None = None
+
+    @classmethod
+    def bare(cls, vertices: Floats, faces: Ints, notes: tuple[str, ...] = ()) -> Parsed:
+        """Triangles of a format that knows nothing else: one part, one material, no texture coordinates or normals."""
+        return cls(
+            vertices,
+            faces,
+            np.zeros((0, 2)),
+            np.full_like(faces, -1),
+            np.full((len(faces), 3, 3), np.nan, np.float32),
+            np.zeros(len(faces), np.int64),
+            (Layer("material"),),
+            (Part("mesh", (0, len(faces)), 0),),
+            notes=notes,
+        )

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from paintit.errors import MeshError
-from paintit.mesh.mesh import Floats, Layer, Part
+from paintit.mesh.mesh import Floats
 from paintit.mesh.parsed import Parsed
 
 _HINT = "check that it is an STL file, or export it again"
@@ -28,16 +28,7 @@ def read_stl(data: bytes) -> Parsed:
     if not len(corners):
         raise MeshError("mesh.empty", "the mesh has no faces (0 vertices, 0 faces)", "export the mesh with its faces")
     faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
-    return Parsed(
-        corners,
-        faces,
-        np.zeros((0, 2)),
-        np.full_like(faces, -1),
-        np.full((len(faces), 3, 3), np.nan, np.float32),
-        np.zeros(len(faces), np.int64),
-        (Layer("material"),),
-        (Part("mesh", (0, len(faces)), 0),),
-    )
+    return Parsed.bare(corners, faces)
 
 
 def _text(data: bytes) -> Floats:
