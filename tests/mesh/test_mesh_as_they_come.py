@@ -46,6 +46,12 @@ def test_details_far_from_the_origin(tmp_path: Path) -> None:
     np.testing.assert_allclose(mesh.vertices, CUBE * 0.01 + 1e7, atol=1e-8)
 
 
+def test_a_stray_vertex_far_away_leaves_the_faces_as_they_are(tmp_path: Path) -> None:
+    mesh = mesh_of(tmp_path, np.concatenate([CUBE, [[0, 1e17, 0]]]), FACES)
+    np.testing.assert_array_equal(mesh.normals, mesh_of(tmp_path, CUBE, FACES).normals)
+    assert summarize(mesh).degenerate_faces == 0
+
+
 def test_inside_out_is_noted_and_cavities_are_not(tmp_path: Path) -> None:
     summary = summarize(mesh_of(tmp_path, CUBE, FACES[:, ::-1]))
     assert summary.inside_out == 1

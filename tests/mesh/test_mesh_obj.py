@@ -98,8 +98,11 @@ def test_the_document_leads_back_to_the_statements() -> None:
 
 def test_concave_polygon_is_cut_inside(tmp_path: Path) -> None:
     arrow = [(0, 0), (2, -1), (0, 3), (-2, -1)]
-    star = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [3, 1] * 5, strict=True)]
-    for outline in (arrow, arrow[1:] + arrow[:1], star):
+    star, saw = (
+        [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(2 * n) * np.pi / n, [3, 1] * n, strict=True)]
+        for n in (5, 300)
+    )
+    for outline in (arrow, arrow[1:] + arrow[:1], star, saw):
         text = "".join(f"v {x} {y} 2\n" for x, y in outline) + "f " + " ".join(str(i + 1) for i in range(len(outline)))
         mesh = mesh_of(tmp_path, text)
         a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
@@ -108,6 +111,11 @@ def test_concave_polygon_is_cut_inside(tmp_path: Path) -> None:
         outer = 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
         assert (z > 0).all()
         assert z.sum() == pytest.approx(outer)
+
+
+def test_corners_without_end_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="too many corners to be cut into triangles \\(the largest 30000\\)"):
+        mesh_of(tmp_path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3" * 10_000)
 
 
 @pytest.mark.parametrize(

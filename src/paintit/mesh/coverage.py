@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from paintit.mesh.mesh import Floats, Ints, Mesh
+from paintit.mesh.mesh import Floats, Ints, Mesh, remembered
 
 _CHUNK = 1 << 21
 """Texels handled at once; bounds the memory, not the result."""
@@ -126,6 +126,7 @@ def _ramp(sizes: Ints) -> Ints:
     return np.arange(int(total[-1]) if len(total) else 0) - np.repeat(total - sizes, sizes)
 
 
+@remembered
 def rasterize_uv(mesh: Mesh, size: int) -> TexelMap:
     """Map every texel whose centre lies in a face's texture triangle to that face.
 

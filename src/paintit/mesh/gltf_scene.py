@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,8 +118,10 @@ def local_matrix(node: dict[str, Any], index: int) -> Floats:
 
     if "matrix" in node:
         return numbers("matrix", 16, []).reshape(4, 4).T
-    x, y, z, w = numbers("rotation", 4, [0, 0, 0, 1])
+    x, y, z, w = numbers("rotation", 4, [0, 0, 0, 1]).tolist()
     length = x * x + y * y + z * z + w * w
+    if not math.isfinite(length):
+        raise gltf_error("gltf_invalid", f"'rotation' of node {index} is not a unit quaternion")
     s = 2.0 / length if length > 0 else 0.0
     rotation = np.array(
         [

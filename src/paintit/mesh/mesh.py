@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,27 @@ class Mesh:
         low, high = self.bounds
         return float((high - low).max())
 
-    @property
+    @cached_property
     def corner_uvs(self) -> Floats:
         """(f, 3, 2) texture coordinates of each corner."""
         return self.uvs[self.face_uvs]
+
+    @cached_property
+    def _measured(self) -> dict[Any, Any]:
+        return {}
+
+
+def remembered(measure: Callable[Concatenate[Mesh, P], R]) -> Callable[Concatenate[Mesh, P], R]:
+    """Keep what ``measure`` finds on the mesh itself, which never changes: several steps of an export ask the same.
+
+    The results are shared, so nobody may write into them. Arguments must be hashable.
+    """
+
+    @wraps(measure)
+    def once(mesh: Mesh, *args: P.args, **kwargs: P.kwargs) -> R:
+        key = (measure, args, tuple(kwargs.items()))
+        if key not in mesh._measured:
+            mesh._measured[key] = measure(mesh, *args, **kwargs)
+        return mesh._measured[key]
+
+    return once

@@ -20,7 +20,10 @@ def face_normals(vertices: Floats, faces: Ints) -> tuple[Floats, Floats]:
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
     # Rounding of the coordinates alone makes a cross product of this size; below it the direction is noise.
-    scale = np.abs(vertices).max(initial=0.0) * np.maximum(np.linalg.norm(b - a, axis=1), np.linalg.norm(c - a, axis=1))
+    farthest = max(
+        float(np.abs(corner).max(initial=0.0)) for corner in (a, b, c)
+    )  # vertices without a face do not count
+    scale = farthest * np.maximum(np.linalg.norm(b - a, axis=1), np.linalg.norm(c - a, axis=1))
     good = length > 8 * np.finfo(np.float64).eps * scale
     return np.where(good[:, None], cross / np.where(good, length, 1.0)[:, None], 0.0), np.where(good, length / 2, 0.0)
 

@@ -144,6 +144,8 @@ def _faces(text: Bytes, begin: Ints, is_kind: dict[str, Bools]) -> tuple[Ints, I
         raise _Odd
     body, line = _body(text, begin, is_kind["f"], 1)
     first, size = _words(body, line)
+    if not len(first):
+        raise _Odd
     slash = body == _SLASH
     parts = body.copy()
     parts[slash] = _BLANK

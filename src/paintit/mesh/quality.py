@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paintit.mesh.coverage import fragments
-from paintit.mesh.mesh import Floats, Ints, Mesh
+from paintit.mesh.mesh import Floats, Ints, Mesh, remembered
 from paintit.mesh.normals import face_normals
 from paintit.mesh.weld import components, edge_pairs, row_ids
 
@@ -121,6 +121,12 @@ def first_instances(mesh: Mesh) -> NDArray[np.bool_]:
     return keep
 
 
+@remembered
+def islands(mesh: Mesh) -> Ints:
+    """(f,) atlas island of each face."""
+    return island_labels(mesh.corner_uvs)[0]
+
+
 def island_labels(corner_uvs: Floats) -> tuple[Ints, int]:
     """(f,) atlas island of each face, and their number. Faces are joined over edges that are one in the texture."""
     ids, _ = row_ids(corner_uvs.reshape(-1, 2))
@@ -149,7 +155,6 @@ def _check_layer(mesh: Mesh, faces: Ints, resolution: int) -> UVQuality:
     flat = size < 1e-12
     flat_area = float(area[flat].sum() / max(area.sum(), 1e-300))
     total = float(size.sum())
-    islands = island_labels(uv)[1]
     if total <= MAX_REPEATS:
         coverage, distant, mirrored, fragment_share = _overlap(mesh, faces, uv, resolution)
     else:
@@ -159,7 +164,7 @@ def _check_layer(mesh: Mesh, faces: Ints, resolution: int) -> UVQuality:
     paintable, reason = _verdict(flat_area, coverage, distant, mirrored, total)
     return UVQuality(
         has_uvs=True,
-        islands=islands,
+        islands=island_labels(uv)[1],
         overlap=fragment_share,
         distant_overlap=distant,
         mirrored_overlap=mirrored,

@@ -62,7 +62,15 @@ def read_mesh(
     if unwrap not in ("auto", "always", "never"):
         raise UsageError("mesh.unwrap_mode", f"unwrap is '{unwrap}'", "choose auto, always or never")
     mesh = read_as_it_is(path, pose=pose, limits=limits)
-    mesh = replace(mesh, layers=choose(mesh.layers, materials, exclude))
+    return made_paintable(replace(mesh, layers=choose(mesh.layers, materials, exclude)), path, unwrap)
+
+
+def made_paintable(mesh: Mesh, path: str | Path, unwrap: Unwrap = "auto") -> Mesh:
+    """What :func:`read_as_it_is` read from ``path``, with texture coordinates to paint on and tangents.
+
+    Raises:
+        MeshError: they cannot be made.
+    """
     try:
         return _with_uvs(with_some_uvs(mesh), unwrap)
     except MeshError as error:
@@ -174,8 +182,9 @@ def _complete(parsed: Parsed, path: Path, kind: str, data: bytes) -> Mesh:
 
 def _check_size(parsed: Parsed) -> None:
     """Refuse what the formats that are written, which hold float32, could not hold."""
-    used = parsed.vertices[parsed.faces.reshape(-1)]
-    farthest, extent = float(np.abs(used).max()), float(np.ptp(used, axis=0).max())
+    farthest = float(np.abs(parsed.vertices).max())
+    with np.errstate(over="ignore"):
+        extent = float(np.ptp(parsed.vertices[parsed.faces.reshape(-1)], axis=0).max())
     if farthest > _FARTHEST or 0 < extent < 1 / _FARTHEST:
         raise MeshError(
             "mesh.size",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from paintit.mesh.mesh import Floats, Ints, Mesh
+from paintit.mesh.mesh import Floats, Ints, Mesh, remembered
 from paintit.mesh.weld import edge_pairs, row_ids
 
 SAME_UV = 1e-6
@@ -80,20 +80,13 @@ def surface_edges(mesh: Mesh, only_seams: bool = False) -> SurfaceEdges:
     without area or without finite texture coordinates. More than two faces on an edge pair up two by two. The order is
     that of the file.
     """
-    corner_uvs = np.where((mesh.face_uvs >= 0)[..., None], mesh.uvs[mesh.face_uvs], np.nan)
-    pairs = _pairs(row_ids(mesh.vertices)[0][mesh.faces])
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    faces, start = pairs // 3, pairs % 3
-    corners = np.stack([start, (start + 1) % 3], -1)
-    # Side 1 usually runs the other way: its ends are put in the order of side 0.
-    positions = mesh.vertices[mesh.faces[faces[..., None], corners]]
-    turned = (positions[:, 1, 0] != positions[:, 0, 0]).any(-1)
-    corners[turned, 1] = corners[turned, 1, ::-1]
-    points = positions[:, 0]
+    corner_uvs = np.where((mesh.face_uvs >= 0)[..., None], mesh.corner_uvs, np.nan)
+    faces, corners = _shared_edges(mesh)
     uv = corner_uvs[faces[..., None], corners]
     if only_seams:
         kept = _apart(uv)
-        faces, corners, points, uv = faces[kept], corners[kept], points[kept], uv[kept]
+        faces, corners, uv = faces[kept], corners[kept], uv[kept]
+    points = mesh.vertices[mesh.faces[faces[:, :1], corners[:, 0]]]
     third = 3 - corners.sum(-1)
     apex, apex_uv = mesh.vertices[mesh.faces[faces, third]], corner_uvs[faces, third]
 
@@ -111,6 +104,21 @@ def surface_edges(mesh: Mesh, only_seams: bool = False) -> SurfaceEdges:
     painted = np.array([found.painted for found in mesh.layers])[layer[:, 0]]
     usable = painted & (layer[:, 0] == layer[:, 1]) & (area > _FLAT).all(1) & np.isfinite(inward).all((1, 2))
     return SurfaceEdges(faces, corners, points, length, uv, inward)[usable]
+
+
+@remembered
+def _shared_edges(mesh: Mesh) -> tuple[Ints, Ints]:
+    """``faces`` and ``corners`` of every edge that two faces share, see :class:`SurfaceEdges`."""
+    welded = row_ids(mesh.vertices)[0][mesh.faces]
+    pairs = _pairs(welded)
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    faces, start = pairs // 3, pairs % 3
+    corners = np.stack([start, (start + 1) % 3], -1)
+    # Side 1 usually runs the other way: its ends are put in the order of side 0.
+    first = welded.reshape(-1)[pairs]
+    turned = first[:, 0] != first[:, 1]
+    corners[turned, 1] = corners[turned, 1, ::-1]
+    return faces, corners
 
 
 def _pairs(welded: Ints) -> Ints:

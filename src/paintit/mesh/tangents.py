@@ -35,10 +35,9 @@ def mikktspace(
     """
     position_id, _ = row_ids(vertices)
     uv_id, _ = row_ids(uvs)
-    normal_id, _ = row_ids(normals.reshape(-1, 3))
     corner_position = position_id[faces]
-    vertex, _ = row_ids(np.stack([corner_position.reshape(-1), uv_id[face_uvs].reshape(-1), normal_id], 1))
-    vertex = vertex.reshape(-1, 3)
+    same = np.concatenate([corner_position[..., None], uv_id[face_uvs][..., None], normals], 2)
+    vertex = row_ids(same.reshape(-1, 5))[0].reshape(-1, 3)
     degenerate = (corner_position == np.roll(corner_position, 1, axis=1)).any(1)
 
     direction, mirrored, undirected = _triangle_directions(vertices[faces], uvs[face_uvs])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ctypes
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +33,8 @@ SHARP_DEGREES = 50.0
 """An edge that bends by more is taken to part two charts."""
 LARGE = 200_000
 """Faces from which on charts are kept flatter, which takes half the time and a few more charts."""
+_M_PERTURB, _ZEROS = -6, 0xFF
+"""glibc's setting for what new memory is filled with (malloc.h), which is the complement of its value."""
 
 Program = Callable[[NDArray[np.float32], Ints], Floats]
 """Points (v, 3) and faces (f, 3) -> texture coordinates (f, 3, 2) in the unit square."""
@@ -76,9 +81,10 @@ def unwrap(mesh: Mesh, layers: tuple[int, ...] | None = None) -> Mesh:
     table[ids] = fresh
     face_uvs = mesh.face_uvs.copy()
     face_uvs[redone] = ids.reshape(-1, 3) + len(mesh.uvs)
-    used, index = np.unique(face_uvs, return_inverse=True)
-    uvs = np.concatenate([mesh.uvs, table])[used]
-    face_uvs = index.reshape(-1, 3).astype(np.int64)
+    taken = np.zeros(len(mesh.uvs) + count, bool)
+    taken[face_uvs] = True
+    uvs = np.concatenate([mesh.uvs, table])[taken]
+    face_uvs = (np.cumsum(taken) - 1)[face_uvs]
     report = replace(
         mesh.report,
         notes=mesh.report.notes + tuple(notes),
@@ -226,10 +232,28 @@ def _uvunwrap(points: NDArray[np.float32], faces: Ints) -> Floats:
         np.ascontiguousarray(points[used]), np.ascontiguousarray(compact.reshape(-1, 3).astype(np.uint32))
     )
     angle = SHARP_DEGREES if len(faces) > LARGE else 70.0
-    atlas = uvunwrap.generate([mesh], page_size=PAGE, padding=PADDING, max_chart_angle=angle)
+    with _zeroed_memory():
+        atlas = uvunwrap.generate([mesh], page_size=PAGE, padding=PADDING, max_chart_angle=angle)
     if atlas.page_count != 1:
         raise ValueError(f"{atlas.page_count} pages")
     return np.asarray(atlas.meshes[0].corner_uvs, np.float64).reshape(-1, 3, 2)
+
+
+@contextmanager
+def _zeroed_memory() -> Iterator[None]:
+    """New memory holds zeros, where the C library is glibc.
+
+    ``uvunwrap`` 0.3.0 reads memory that it has not written when it orders the unknowns of some charts, and panics or
+    not by what was there before: the same mesh would be unwrapped by one program today, by the other tomorrow.
+    """
+    fill = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if fill is not None:
+        fill(_M_PERTURB, _ZEROS)
+    try:
+        yield
+    finally:
+        if fill is not None:
+            fill(_M_PERTURB, 0)
 
 
 def _xatlas(points: NDArray[np.float32], faces: Ints) -> Floats:

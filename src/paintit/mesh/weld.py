@@ -26,15 +26,13 @@ def row_ids(rows: NDArray[Any]) -> tuple[Ints, int]:
     """
     if not len(rows):
         return np.zeros(0, np.int64), 0
-    hashed = np.zeros(len(rows), np.uint64)
+    hashed, shifted = np.zeros((2, len(rows)), np.uint64)
     for column in rows.T:
-        bits = (
-            np.ascontiguousarray(column + 0)
-            .astype(np.float64 if column.dtype.kind == "f" else np.int64)
-            .view(np.uint64)
-        )
-        hashed = (hashed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
-        hashed ^= hashed >> np.uint64(29)
+        number = np.array(column, np.float64 if column.dtype.kind == "f" else np.int64)
+        number += 0  # -0.0 becomes 0.0
+        hashed ^= number.view(np.uint64)
+        hashed *= np.uint64(0x9E3779B97F4A7C15)
+        hashed ^= np.right_shift(hashed, np.uint64(29), out=shifted)
     _, first, ids = np.unique(hashed, return_index=True, return_inverse=True)
     if np.array_equal(rows[first][ids], rows):
         return ids.astype(np.int64), len(first)
