@@ -16,9 +16,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from tests.cli.conftest import CUBE
-from tests.export.models import MODELS
-from tests.export.roundtrip import differences
 
 from paintit.config import POCKET, PaintConfig
 from paintit.errors import OutputError, PaintitError, RunError, UsageError
@@ -32,6 +29,9 @@ from paintit.run.paint import Job, Request, prepare, run
 from paintit.run.record import Record
 from paintit.run.request import settings_of
 from paintit.settings import load_toml, merge
+from tests.cli.conftest import CUBE
+from tests.export.models import MODELS
+from tests.export.roundtrip import differences
 
 STEPS = 6
 CONFIG = merge(
@@ -50,13 +50,13 @@ def mesh(tmp_path: Path) -> Path:
     return path
 
 
-def request_for(mesh: Path, name: str, config: PaintConfig = CONFIG) -> Request:
-    output = str(mesh.parent / name / "painted.glb")
+def request_for(mesh: Path, name: str, config: PaintConfig = CONFIG, kind: str = ".glb") -> Request:
+    output = str(mesh.parent / name / f"painted{kind}")
     return Request(mesh, "red plastic", config, output, preview=False, command=("paintit", "paint", str(mesh)))
 
 
-def job_for(mesh: Path, name: str, config: PaintConfig = CONFIG) -> Job:
-    return prepare(request_for(mesh, name, config), ExactPrior())
+def job_for(mesh: Path, name: str, config: PaintConfig = CONFIG, kind: str = ".glb") -> Job:
+    return prepare(request_for(mesh, name, config, kind), ExactPrior())
 
 
 def resume(mesh: Path, name: str) -> Job:

@@ -9,7 +9,7 @@ from paintit.color import encode_srgb
 from paintit.errors import MeshError
 from paintit.export.gltf import write_gltf
 from paintit.export.image import write_maps
-from paintit.export.read_maps import read_emission, read_maps, read_maps_folder
+from paintit.export.read_maps import read_emission, read_maps, read_maps_folder, read_occlusion
 from paintit.mesh.read import read_mesh
 from paintit.texture.maps import TextureMaps
 
@@ -78,6 +78,19 @@ def test_emission(tmp_path) -> None:
     np.testing.assert_allclose(emission[0, 3, 3].numpy(), [2.0, 1.0, 0.0], rtol=1e-2)
     assert read_emission(asset("rigged_figure.glb"), 16) is None
     assert read_emission(asset("teapot/teapot.obj"), 16) is None
+
+
+def test_occlusion(tmp_path) -> None:
+    """The red channel, at the texture's strength; where nothing is occluded there is nothing to dim."""
+    assembly = grid_document([{"name": "m"}])
+    texture = add_image(assembly, np.full((8, 8, 3), (102, 255, 0), np.uint8))
+    assembly.json["materials"][0]["occlusionTexture"] = {"index": texture, "strength": 0.5}
+    occlusion = read_occlusion(read_mesh(save(assembly, tmp_path / "in.glb")), 16)
+    assert occlusion is not None
+    assert occlusion.shape == (1, 16, 16, 1)
+    np.testing.assert_allclose(occlusion.numpy(), 0.7, atol=1e-6)
+    assert read_occlusion(asset("rigged_figure.glb"), 16) is None
+    assert read_occlusion(asset("teapot/teapot.obj"), 16) is None
 
 
 def test_textures_follow_an_unwrap(tmp_path) -> None:

@@ -103,7 +103,9 @@ def test_the_validator_finds_no_new_error(source: Any, painted: Any) -> None:
             assert before == [], kind
 
 
-@pytest.mark.parametrize(("name", "unwrap"), [(n, u) for n in [*ANIMATED, "fox"] for u in ("auto", "split")])
+@pytest.mark.parametrize(
+    ("name", "unwrap"), [(n, u) for n in [*ANIMATED, "fox", "rigged_figure"] for u in ("auto", "split")]
+)
 def test_animations_play_as_before(name: str, unwrap: str, source: Any, painted: Any) -> None:
     before, after = Gltf(source(name)), Gltf(painted(name, unwrap))
     moved = []

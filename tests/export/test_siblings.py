@@ -10,6 +10,7 @@ from tests.export.exporting import asset, known_maps
 from tests.export.models import MODELS, png
 from tests.export.roundtrip import differences
 
+from paintit.cli.main import main
 from paintit.errors import OutputError
 from paintit.export.siblings import check_siblings, copied_beside, made_beside
 from paintit.export.write import write
@@ -62,6 +63,43 @@ def test_the_input_and_what_it_names_are_never_replaced(tmp_path: Path) -> None:
     triangle = read_mesh(obj)
     assert refused(tmp_path / "s.obj", triangle, overwrite=True) == "output.is_input"
     assert refused(tmp_path / "t.obj", triangle, overwrite=True) == "output.is_input"
+
+
+@pytest.mark.parametrize("how", ["itself", "symlink", "hard link", "another way"])
+@pytest.mark.parametrize("kind", [".obj", ".gltf"])
+def test_the_input_is_known_by_any_name(how: str, kind: str, tmp_path: Path, capsys) -> None:
+    """By all commands that write a mesh, though told to overwrite."""
+    source = tmp_path / f"mesh{kind}"
+    write(source, asset("spot_quads.obj"), known_maps(asset("spot_quads.obj"), 8), {})
+    target = tmp_path / f"other{kind}"
+    if how == "itself":
+        target = source
+    elif how == "symlink":
+        target.symlink_to(source)
+    elif how == "hard link":
+        target.hardlink_to(source)
+    else:
+        (tmp_path / "way").symlink_to(tmp_path)
+        target = tmp_path / "way" / source.name
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    commands = [["paint", source, "red plastic", "-o", target], ["unwrap", source, "-o", target]]
+    if kind == ".gltf":
+        commands.append(["export", source, "-o", target])
+    for command in commands:
+        assert main(["--quiet", *map(str, command), "--overwrite"]) == 1
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1
+        assert "mesh itself; choose another name with -o" in line
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+def test_maps_do_not_replace_the_textures_they_were_read_from(tmp_path: Path) -> None:
+    path = MODELS["separate_files"](tmp_path)
+    document = json.loads(path.read_text())
+    document["images"][1]["uri"] = "base_color.png"
+    (tmp_path / "base_color.png").write_bytes(png(3))
+    path.write_text(json.dumps(document))
+    assert refused(tmp_path, read_mesh(path), overwrite=True) == "output.is_input"
 
 
 def test_images_that_stay_keep_their_names(tmp_path: Path) -> None:

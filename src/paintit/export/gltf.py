@@ -9,7 +9,8 @@ from paintit.export.gltf_assembly import Assembly
 from paintit.export.gltf_existing import repaint_document
 from paintit.export.gltf_new import new_document
 from paintit.export.gltf_source import document_of
-from paintit.export.image import check_layers, encode_maps, write_files
+from paintit.export.image import check_layers, encode_maps
+from paintit.files import write_set
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
 
@@ -39,6 +40,5 @@ def write_gltf(path: Path, mesh: Mesh, maps: TextureMaps, metadata: dict[str, An
     Raises:
         OutputError: the maps do not fit the mesh, or the file system refuses; nothing of this call is left then.
     """
-    files = assemble(mesh, maps, metadata).files(Path(path))
-    write_files(files)
-    return list(files)
+    path, assembly = Path(path), assemble(mesh, maps, metadata)
+    return write_set(path, path.stem, lambda stem: assembly.files(path, stem))

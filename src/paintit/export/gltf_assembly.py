@@ -118,16 +118,17 @@ class Assembly:
             raise OutputError("output.too_large", "a .glb file cannot hold more than 4 GiB", "write a .gltf instead")
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
-    def files(self, path: Path) -> dict[Path, bytes]:
+    def files(self, path: Path, stem: str) -> dict[Path, bytes]:
         """Everything that makes ``path``: itself for .glb; .bin, images and, last, the JSON for .gltf.
 
-        Images of the source that stay in files keep their names; where the same file lies there already it is left out.
+        Names of files beside it begin with ``stem``; only images of the source that stay in files keep their own, and
+        where the same file lies there already it is left out.
         """
         if path.suffix.lower() == ".glb":
             return {path: self.glb()}
         out: dict[Path, bytes] = {}
         for image, (name, png) in self.pngs.items():
-            file_name = f"{path.stem}_{name}"
+            file_name = f"{stem}_{name}"
             self.json["images"][image]["uri"] = quote(file_name)
             out[path.with_name(file_name)] = png
         for name, data in self.kept.values():
@@ -136,8 +137,8 @@ class Assembly:
                 out[target] = data
         binary = self._place_views()
         if binary:
-            out[path.with_suffix(".bin")] = binary
-            self.json["buffers"][0]["uri"] = quote(f"{path.stem}.bin")
+            out[path.with_name(f"{stem}.bin")] = binary
+            self.json["buffers"][0]["uri"] = quote(f"{stem}.bin")
         out[path] = (self._text(indent=2) + "\n").encode()
         return out
 

@@ -69,6 +69,8 @@ def write_primitive(
 
 def _turned_over(corner: NDArray[np.int64], triangles: NDArray[np.int64]) -> bool:
     """Whether ``corner`` (n, 3) winds against the file's ``triangles`` (m, 3)."""
+    if np.array_equal(corner, triangles):
+        return False
 
     def cycles(faces: NDArray[np.int64]) -> NDArray[np.void]:
         start = faces.argmin(1)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from paintit.color import encode_srgb
 from paintit.errors import OutputError
-from paintit.files import atomic, make_folder, output_error
+from paintit.files import make_folder, output_error, write_files
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
 
@@ -119,26 +119,6 @@ def check_layers(mesh: Mesh, maps: TextureMaps) -> None:
             f"the maps have {maps.layers} layers, the mesh has {len(mesh.layers)}",
             "use maps that were painted on this mesh",
         )
-
-
-def write_files(files: dict[Path, bytes]) -> None:
-    """Write all of ``files`` in order, each whole; where one fails, those this call created are removed again.
-
-    Raises:
-        OutputError: the file system refuses.
-    """
-    created: list[Path] = []
-    try:
-        for path, data in files.items():
-            with atomic(path) as temporary:  # first: a folder that may not be looked into fails here, in its words
-                fresh = not path.exists()
-                temporary.write_bytes(data)
-            if fresh:
-                created.append(path)
-    except BaseException:
-        for path in created:
-            path.unlink(missing_ok=True)
-        raise
 
 
 def map_files(folder: Path, mesh: Mesh, maps: TextureMaps) -> dict[Path, bytes]:

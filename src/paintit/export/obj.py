@@ -15,12 +15,12 @@ from paintit.export.image import (
     png_bytes,
     safe_name,
     unique_names,
-    write_files,
 )
 from paintit.export.mtl import libraries
 from paintit.export.obj_document import number, rewritten_lines
 from paintit.export.siblings import same_content
 from paintit.export.vertices import group_rows
+from paintit.files import write_set
 from paintit.mesh.mesh import Mesh, Part
 from paintit.mesh.obj import ObjDocument
 from paintit.texture.maps import TextureMaps
@@ -41,21 +41,25 @@ def write_obj(path: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     """
     path = Path(path)
     check_layers(mesh, maps)
-    stem = safe_name(path.stem, "mesh")
+    images = [_images(encoded) for encoded in encode_maps(maps)]
+    return write_set(path, safe_name(path.stem, "mesh"), lambda stem: _files(path, stem, mesh, images))
+
+
+def _files(path: Path, stem: str, mesh: Mesh, images: list[dict[str, bytes]]) -> dict[Path, bytes]:
+    """What makes ``path``, itself last: PNG maps of each layer, ``STEM.mtl``, images of materials that stay."""
     document = mesh.source.document if mesh.source is not None else None
     own = libraries(mesh)
     files: dict[Path, bytes] = {}
     library = [f"# paintit {__version__}"]
     names = material_names(mesh)
     kept: list[str] = []
-    for layer, name, suffix, encoded in zip(mesh.layers, names, layer_suffixes(mesh), encode_maps(maps), strict=True):
+    for layer, name, suffix, maps in zip(mesh.layers, names, layer_suffixes(mesh), images, strict=True):
         if isinstance(document, ObjDocument) and not layer.painted:
             library += ["", *own.blocks.get(name, ())]
             kept.append(name)
             continue
-        images = _images(encoded)
-        library += ["", *_material(name, {key: f"{stem}_{key}{suffix}.png" for key in images})]
-        for key, data in images.items():
+        library += ["", *_material(name, {key: f"{stem}_{key}{suffix}.png" for key in maps})]
+        for key, data in maps.items():
             files[path.with_name(f"{stem}_{key}{suffix}.png")] = data
     for name, image in own.images(kept).items():
         if not same_content(path.parent / name, image):
@@ -66,8 +70,7 @@ def write_obj(path: Path, mesh: Mesh, maps: TextureMaps) -> list[Path]:
     else:
         lines = _from_mesh(mesh, names, f"{stem}.mtl")
     files[path] = ("\n".join(lines).rstrip("\n") + "\n").encode()
-    write_files(files)
-    return list(files)
+    return files
 
 
 def material_names(mesh: Mesh) -> list[str]:

@@ -11,7 +11,8 @@ import torch
 from PIL import Image
 
 from paintit.errors import UsageError
-from paintit.export.image import check_layers, write_files
+from paintit.export.image import check_layers
+from paintit.files import write_files
 from paintit.mesh.mesh import Mesh
 from paintit.render.camera import Cameras, look_at, orbit
 from paintit.render.environment import load_environment
@@ -145,12 +146,14 @@ def pictures(
     background: Background = BACKGROUND,
     supersample: int = 2,
     emission: torch.Tensor | None = None,
+    occlusion: torch.Tensor | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> list[Image.Image]:
     """One picture of ``size`` pixels a side from each camera; ``on_frame(done, all)`` is called after each.
 
     No tone curve: radiance is clipped to [0, 1] and sRGB-coded (:func:`paintit.render.render.render_image`). RGB, or
-    RGBA where the background is transparent. ``emission`` as :func:`paintit.export.read_maps.read_emission` gives it.
+    RGBA where the background is transparent. ``emission`` and ``occlusion`` as :mod:`paintit.export.read_maps` gives
+    them.
 
     Raises: as :func:`preview`.
     """
@@ -164,7 +167,7 @@ def pictures(
         pixels = render_image(
             geometry, cameras[i : i + 1], maps, light, size,
             supersample=supersample, rotation=math.radians(rotation_deg), background=background,
-            emission=emission,
+            emission=emission, occlusion=occlusion,
         )  # fmt: skip
         images.append(Image.fromarray(pixels[0]))
         if on_frame is not None:

@@ -98,6 +98,27 @@ def read_emission(mesh: Mesh, size: int) -> torch.Tensor | None:
     return emission if emission.any() else None
 
 
+def read_occlusion(mesh: Mesh, size: int) -> torch.Tensor | None:
+    """(layers, size, size, 1) in [0, 1]: the document's occlusion textures, at their strength; None where it has none.
+
+    Like emission it is never painted: it says how much of its surroundings a point of the shape sees.
+
+    Raises:
+        MeshError: ``"image.unreadable"``.
+    """
+    document = document_of(mesh)
+    if document is None:
+        return None
+    occlusion = torch.ones(len(mesh.layers), size, size, 1)
+    for index in range(len(mesh.layers)):
+        info = material_of(document, mesh, index).get("occlusionTexture")
+        pixels = texture_pixels(document, info) if info is not None else None
+        if info is not None and pixels is not None:
+            stored = onto_layer(document, mesh, index, info, pixels[..., :1], (size, size))
+            occlusion[index] = 1 + info.get("strength", 1.0) * (torch.from_numpy(np.ascontiguousarray(stored)) - 1)
+    return None if bool((occlusion == 1).all()) else occlusion
+
+
 def read_maps_folder(folder: Path, mesh: Mesh, size: int | None = None) -> TextureMaps:
     """The maps that :func:`paintit.export.image.write_maps` wrote into ``folder`` for this mesh.
 

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array, diags_array
 from paintit.color import decode_srgb, encode_srgb
 from paintit.mesh.mesh import Floats, Ints, Mesh
 from paintit.mesh.normals import face_normals
-from paintit.mesh.quality import island_labels
+from paintit.mesh.quality import islands
 from paintit.mesh.seams import EdgePoints, SurfaceEdges, surface_edges
 from paintit.mesh.uv import TexelMap, fill_gutters, nearest_covered, rasterize_uv
 
@@ -144,7 +144,7 @@ def _system(mesh: Mesh, texels: TexelMap, touched: NDArray[np.bool_]) -> _System
     """Texels within the band around ``touched`` ones, joined to their neighbours in the island and to zero."""
     covered, size = texels.covered, texels.face.shape[1]
     owner = texels.face.reshape(-1)[nearest_covered(covered)]  # of texels outside: the nearest island's
-    island = np.where(covered | touched, island_labels(mesh.corner_uvs)[0][owner], -1)
+    island = np.where(covered | touched, islands(mesh)[owner], -1)
     area = _texel_areas(mesh, size)
     reach = REACH * mesh.extent
     near = touched.copy()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paintit.color import lab
 from paintit.export.gltf_source import bilinear
 from paintit.mesh.mesh import Floats, Ints, Mesh
-from paintit.mesh.quality import island_labels
+from paintit.mesh.quality import islands
 from paintit.mesh.seams import EdgePoints, SurfaceEdges, surface_edges
 from paintit.mesh.uv import rasterize_uv
 from paintit.texture.maps import TextureMaps
@@ -113,7 +113,7 @@ class _Reader:
     def __init__(self, mesh: Mesh, maps: TextureMaps) -> None:
         self._mesh, self._size = mesh, maps.size[0]
         self._colors = maps.base_color.detach().cpu().to(torch.float32).numpy()
-        self._island = island_labels(mesh.corner_uvs)[0]
+        self._island = islands(mesh)
         self._face = rasterize_uv(mesh, self._size).face
 
     def texel(self, edges: SurfaceEdges) -> Floats:

@@ -41,9 +41,11 @@ def check_siblings(path: Path, mesh: Mesh, overwrite: bool = False) -> None:
 
 
 def made_beside(path: Path, mesh: Mesh) -> list[Path]:
-    """What is made for ``path`` (.obj, .gltf) besides itself."""
-    kind = path.suffix.lower()
+    """What is made for ``path`` (.obj, .gltf, a folder of maps) besides itself."""
+    kind = "" if path.is_dir() else path.suffix.lower()
     suffixes = [s for s, layer in zip(layer_suffixes(mesh), mesh.layers, strict=True) if layer.painted]
+    if kind == "":
+        return [path / f"{key}{suffix}.png" for suffix in suffixes for key in ("base_color", "orm", "normal")]
     if kind == ".gltf":
         images = [f"{path.stem}_{key}{suffix}.png" for suffix in suffixes for key in ("base_color", "orm", "normal")]
         return [path.with_suffix(".bin"), *(path.with_name(name) for name in images)]

@@ -23,12 +23,13 @@ def group_rows(columns: list[NDArray[Any]]) -> tuple[Ints, Ints]:
         first: (groups,) index of the first row of each group, ascending.
         group: (n,) group of each row.
     """
-    group, _ = row_ids(np.concatenate([_words(column) for column in columns], 1))
-    _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
+    group, count = row_ids(np.concatenate([_words(column) for column in columns], 1))
+    first = np.zeros(count, np.int64)
+    first[group[::-1]] = np.arange(len(group))[::-1]  # the last one written is the first of the group
+    order = np.argsort(first)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return first[order].astype(np.int64), rank[inverse.reshape(-1)].astype(np.int64)
+    return first[order], rank[group]
 
 
 def _words(column: NDArray[Any]) -> NDArray[np.int64]:

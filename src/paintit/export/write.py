@@ -8,10 +8,10 @@ from typing import Any
 
 from paintit.errors import OutputError, UsageError
 from paintit.export.gltf import write_gltf
-from paintit.export.image import write_files, write_maps
+from paintit.export.image import write_maps
 from paintit.export.obj import write_obj
 from paintit.export.siblings import check_siblings
-from paintit.files import output_error
+from paintit.files import output_error, write_files
 from paintit.mesh.mesh import Mesh
 from paintit.texture.maps import TextureMaps
 

@@ -8,17 +8,17 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from paintit.errors import RunError
 from paintit.files import atomic
-from paintit.paint.painter import Painter
+from paintit.paint.method import Method
 
 VERSION = 1
 
 
-def save(path: Path, painter: Painter) -> None:
+def save(path: Path, painter: Method) -> None:
     """Write the painter's state to ``path``, whole or not at all.
 
     Raises:
@@ -31,13 +31,12 @@ def save(path: Path, painter: Painter) -> None:
         tensors |= {f"optimizer/{index}/{name}": torch.as_tensor(value) for name, value in slots.items()}
     tensors["support/all"] = state["support"]
     header = {"paintit": json.dumps({"version": VERSION, "step": state["step"]})}
-    with atomic(path) as temporary:
-        save_file(
-            {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}, temporary, header
-        )
+    contents = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+    with atomic(path) as temporary:  # safetensors' own writer would hide from it that the disk is full
+        temporary.write_bytes(to_bytes(contents, header))
 
 
-def load(path: Path, painter: Painter) -> None:
+def load(path: Path, painter: Method) -> None:
     """Put the state in ``path`` into ``painter``, which must have been made from the same mesh and settings.
 
     Raises:

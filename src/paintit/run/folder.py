@@ -174,6 +174,7 @@ def locked(folder: RunFolder) -> Iterator[None]:
     """Hold the run folder alone. The lock dies with its process, so a killed run never blocks the next.
 
     Raises:
+        OutputError: the file system refuses; a folder with nothing in it is not left behind.
         RunError: a living process holds it; its number is named.
     """
     make_folder(folder.folder)
@@ -187,8 +188,11 @@ def locked(folder: RunFolder) -> Iterator[None]:
             "run.locked", f"{folder.folder} is being painted by process {owner}", "wait for it, or choose another -o"
         )
     try:
-        os.ftruncate(handle, 0)
-        os.write(handle, f"{os.getpid()}\n".encode())
+        try:
+            os.ftruncate(handle, 0)
+            os.write(handle, f"{os.getpid()}\n".encode())
+        except OSError as error:
+            raise output_error(folder.lock, error) from error
         yield
     finally:
         if sys.platform == "win32":  # an open file cannot be removed there
@@ -197,6 +201,8 @@ def locked(folder: RunFolder) -> Iterator[None]:
         else:
             folder.lock.unlink(missing_ok=True)
             os.close(handle)
+        with contextlib.suppress(OSError):  # stays unless it is empty
+            folder.folder.rmdir()
 
 
 def _take(path: Path) -> int | None:
