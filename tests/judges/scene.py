@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from paintit.export.gltf import write_gltf
 from paintit.export.preview import FOV, RADIUS, pictures
-from paintit.export.read_maps import read_emission, read_maps
+from paintit.export.read_maps import read_emission, read_maps, read_occlusion
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.read import read_mesh
 from paintit.render.camera import Cameras, look_at
@@ -40,6 +41,7 @@ class Scene:
         views: (azimuth, elevation) in degrees.
         size: pixels along each side.
         backdrop: the light is seen behind the asset; else the picture is transparent there.
+        unoccluded: the asset casts no shadow on itself and is not reflected in itself; occlusion textures are ignored.
     """
 
     glb: Path
@@ -49,12 +51,13 @@ class Scene:
     views: tuple[tuple[float, float], ...] = VIEWS
     size: int = 512
     backdrop: bool = False
+    unoccluded: bool = False
 
     def cameras(self) -> Cameras:
         azimuth, elevation = torch.tensor(self.views).deg2rad().T
         return look_at(azimuth, elevation, RADIUS, math.radians(FOV))
 
-    def job(self, out: Path) -> dict[str, object]:
+    def job(self, out: Path) -> dict[str, Any]:
         """The scene for a judge, which writes its pictures to ``out``: eyes and target in the file's units."""
         mesh = read_mesh(self.glb)
         half = mesh.extent / 2
@@ -71,6 +74,7 @@ class Scene:
             "far": half * 20,
             "size": self.size,
             "backdrop": self.backdrop,
+            "unoccluded": self.unoccluded,
             "out": str(out),
         }
 
@@ -81,6 +85,7 @@ class Scene:
         images = pictures(
             mesh, maps, self.cameras(), self.light, self.size, exposure=self.exposure, rotation_deg=self.rotation,
             background="light" if self.backdrop else "transparent", emission=read_emission(mesh, maps.size[0]),
+            occlusion=None if self.unoccluded else read_occlusion(mesh, maps.size[0]),
         )  # fmt: skip
         return [np.asarray(image.convert("RGBA")) for image in images]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,10 @@ SIZE, SAMPLES = 128, 64
 DIFFUSE_BOUND, METAL_BOUND = 24.0, 20.0
 
 
-def by_cycles(scene: Scene, unoccluded: bool = False) -> list[Pixels]:
+def by_cycles(scene: Scene) -> list[Pixels]:
     if importlib.util.find_spec("bpy") is None:
         pytest.skip("Blender (bpy) is not installed")
-    return cycles(scene, SAMPLES, unoccluded)
+    return cycles(scene, SAMPLES)
 
 
 def _need_browser() -> None:
@@ -31,9 +30,9 @@ def _need_browser() -> None:
         pytest.skip("three.js needs a Chromium and `npm ci` in tests/")
 
 
-def by_three(scene: Scene, unoccluded: bool = False) -> list[Pixels]:
+def by_three(scene: Scene) -> list[Pixels]:
     _need_browser()
-    return three(scene, unoccluded)
+    return three(scene)
 
 
 Judge = Callable[[Scene], list[Pixels]]
@@ -63,18 +62,15 @@ REAL = {"avocado": DIFFUSE_BOUND, "water_bottle": METAL_BOUND, "flight_helmet": 
 
 @JUDGES
 @pytest.mark.parametrize("name", REAL)
-def test_real_maps(name: str, judge: Judge, assets: Path, request: pytest.FixtureRequest) -> None:
-    if name == "flight_helmet" and judge is by_cycles:
-        reason = "19.7 dB seen from below, where the helmet shades its own hollow; 30.9 without shadows"
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=True))
+def test_real_maps(name: str, judge: Judge, assets: Path) -> None:
     agree(Scene(assets / "meshes" / f"{name}.glb", size=SIZE), judge, REAL[name])
 
 
-@pytest.mark.parametrize("judge", [partial(by_cycles, unoccluded=True), partial(by_three, unoccluded=True)])
+@JUDGES
 @pytest.mark.parametrize("name", REAL)
 def test_real_maps_without_shadows(name: str, judge: Judge, assets: Path) -> None:
-    """What the split sum leaves: neither program lets the asset shade itself."""
-    agree(Scene(assets / "meshes" / f"{name}.glb", size=SIZE), judge, DIFFUSE_BOUND)
+    """What the split sum leaves: no program lets the asset shade itself."""
+    agree(Scene(assets / "meshes" / f"{name}.glb", size=SIZE, unoccluded=True), judge, DIFFUSE_BOUND)
 
 
 def spot_light(path: Path, row: int, column: int) -> Path:

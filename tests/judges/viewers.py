@@ -31,12 +31,16 @@ class JudgeError(RuntimeError):
     """A judge failed, or left no pictures."""
 
 
-def cycles(scene: Scene, samples: int = 128, unoccluded: bool = False) -> list[Pixels]:
-    """Path traced by Blender. ``unoccluded``: without the asset's shadows on, and reflections in, itself."""
+def threads() -> int:
+    """How many a judge may use: as many as everything else here."""
+    return int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1))
+
+
+def cycles(scene: Scene, samples: int = 128) -> list[Pixels]:
+    """Path traced by Blender. Unoccluded: the asset is hidden from every ray but the camera's."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        threads = int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1))
-        more = {"samples": samples, "unoccluded": unoccluded, "threads": threads}
+        more = {"samples": samples, "threads": threads()}
         (out / "job.json").write_text(json.dumps({**scene.job(out), **more}))
         command = [sys.executable, str(HERE / "blender_render.py"), str(out / "job.json")]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
@@ -48,22 +52,22 @@ def browser() -> str | None:
     return next((path for path in map(shutil.which, BROWSERS) if path), None)
 
 
-def three(scene: Scene, unoccluded: bool = False) -> list[Pixels]:
-    """Rasterised by three.js: PMREM light, no tone mapping, sRGB out. ``unoccluded``: without occlusion textures."""
-    return _in_browser(scene, "three.html", {"unoccluded": unoccluded})
+def three(scene: Scene) -> list[Pixels]:
+    """Rasterised by three.js: PMREM light, no tone mapping, sRGB out."""
+    return _in_browser(scene, "three.html")
 
 
 def model_viewer(scene: Scene) -> list[Pixels]:
-    """As <model-viewer> shows it, tone mapping off. Its light cannot be turned: it ignores ``rotation``."""
-    return _in_browser(scene, "model_viewer.html", {})
+    """As <model-viewer> shows it, tone mapping off. It knows neither ``rotation`` nor ``unoccluded``."""
+    return _in_browser(scene, "model_viewer.html")
 
 
-def _in_browser(scene: Scene, page: str, more: dict[str, Any]) -> list[Pixels]:
+def _in_browser(scene: Scene, page: str) -> list[Pixels]:
     path = browser()
     if path is None:
         raise JudgeError(f"there is no browser: install one of {', '.join(BROWSERS)}")
     with tempfile.TemporaryDirectory() as folder:
-        stage = _Stage(Path(folder), {**scene.job(Path(folder)), **more})
+        stage = _Stage(Path(folder), scene.job(Path(folder)))
         server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, stage))
         threading.Thread(target=server.serve_forever, daemon=True).start()
         flags = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -161,6 +162,18 @@ def test_emission_is_added(geometry: Geometry, varied_light: Light) -> None:
     dark, lit = (render_image(geometry, orbit(1), black, varied_light, 16, emission=e) for e in (None, glow))
     change = decode_srgb(torch.from_numpy(lit / 255.0)) - decode_srgb(torch.from_numpy(dark / 255.0))
     np.testing.assert_allclose(change[0, 8, 8].numpy(), [0.5, 0.0, 0.2], atol=0.01)
+
+
+@pytest.mark.parametrize(("rough", "metal", "left"), [(1.0, 0.0, 0.5), (1.0, 1.0, 0.5), (0.1, 1.0, 0.569)])
+def test_occlusion_dims(geometry: Geometry, white_light: Light, rough: float, metal: float, left: float) -> None:
+    """Half occluded and seen head-on, a rough surface shows half of its light, a smooth one 1.5^(2^-2.6) - 0.5."""
+    share = torch.full((1, 16, 16, 1), 0.5)
+    image = partial(render_image, geometry, orbit(1), flat_maps((0.5, 0.5, 0.5), rough, metal), white_light, 16)
+    open_, dimmed = (decode_srgb(torch.from_numpy(image(occlusion=o)[0, 8, 8] / 255)) for o in (None, share))
+    torch.testing.assert_close(dimmed, left * open_, atol=0.005, rtol=0.01)
+    glow = torch.full((1, 16, 16, 3), 0.2)
+    lit = decode_srgb(torch.from_numpy(image(emission=glow, occlusion=share)[0, 8, 8] / 255))
+    torch.testing.assert_close(lit, dimmed + 0.2, atol=0.01, rtol=0.01)
 
 
 def test_a_white_metal_in_a_white_room_vanishes(geometry: Geometry, white_light: Light) -> None:

@@ -130,12 +130,13 @@ def _background(text: str) -> Background:
 def _pictures(asset: Asset, given: RenderArguments, count: int, background: Background) -> list[Image]:
     """``count`` views evenly all round, from ``--azimuth`` on."""
     from paintit.export.preview import pictures
-    from paintit.export.read_maps import read_emission
+    from paintit.export.read_maps import read_emission, read_occlusion
     from paintit.render.camera import orbit
 
+    mesh, side = asset.mesh, asset.maps.size[0]
     cameras = orbit(count, given.elevation, given.radius, given.fov, given.azimuth)
     return pictures(
-        asset.mesh, asset.maps, cameras, given.light, given.size,
+        mesh, asset.maps, cameras, given.light, given.size,
         exposure=given.exposure, rotation_deg=given.rotation, background=background,
-        emission=read_emission(asset.mesh, asset.maps.size[0]),
+        emission=read_emission(mesh, side), occlusion=read_occlusion(mesh, side),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from paintit.mesh.mesh import Mesh
+from paintit.mesh.mesh import Mesh, remembered
 from paintit.render.visibility import Tracer
 
 
@@ -39,33 +39,11 @@ class Geometry:
 
     @classmethod
     def from_mesh(cls, mesh: Mesh, device: str | torch.device = "cpu") -> Geometry:
-        """Normalise in float64, so that an origin far away costs no precision, then move to ``device`` as float32."""
-        center, extent = mesh.center, mesh.extent
-        scale = 2.0 / extent if extent > 0 else 1.0
-        vertices = ((mesh.vertices - center) * scale).astype(np.float32)
-        uvs = mesh.corner_uvs
-        # The lookup repeats, so whole units may go; float32 then resolves texels of far repeats too.
-        uvs = uvs - np.floor(uvs.min(1, keepdims=True))
+        """Normalise in float64, so that an origin far away costs no precision, then move to ``device`` as float32.
 
-        def move(array: np.ndarray, dtype: torch.dtype = torch.float32) -> Tensor:
-            return torch.from_numpy(np.array(array)).to(device, dtype).contiguous()
-
-        corners = move(vertices[mesh.faces])
-        normals = move(mesh.normals)
-        face_normal = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        face_normal = face_normal / face_normal.norm(dim=-1, keepdim=True).clamp_min(1e-30)
-        toward = (face_normal * normals.sum(1)).sum(-1, keepdim=True)
-        return cls(
-            corners=corners,
-            normals=normals,
-            tangents=move(mesh.tangents),
-            uvs=move(uvs),
-            layer=move(mesh.face_layer, torch.int64),
-            face_normal=torch.where(toward < 0, -face_normal, face_normal),
-            tracer=Tracer(move(vertices), move(mesh.faces, torch.int32)),
-            center=torch.from_numpy(np.array(center)),
-            scale=float(scale),
-        )
+        Made once for a mesh and a device.
+        """
+        return _geometry(mesh, torch.device(device))
 
     @property
     def device(self) -> torch.device:
@@ -78,3 +56,33 @@ class Geometry:
     def interpolate(self, attribute: Tensor, face: Tensor, barycentric: Tensor) -> Tensor:
         """Corner attribute (f, 3, c) at points of faces (m,) with barycentric coordinates (m, 3) -> (m, c)."""
         return (attribute[face] * barycentric[..., None]).sum(-2)
+
+
+@remembered
+def _geometry(mesh: Mesh, device: torch.device) -> Geometry:
+    center, extent = mesh.center, mesh.extent
+    scale = 2.0 / extent if extent > 0 else 1.0
+    vertices = ((mesh.vertices - center) * scale).astype(np.float32)
+    uvs = mesh.corner_uvs
+    # The lookup repeats, so whole units may go; float32 then resolves texels of far repeats too.
+    uvs = uvs - np.floor(uvs.min(1, keepdims=True))
+
+    def move(array: np.ndarray, dtype: torch.dtype = torch.float32) -> Tensor:
+        return torch.from_numpy(np.array(array)).to(device, dtype).contiguous()
+
+    corners = move(vertices[mesh.faces])
+    normals = move(mesh.normals)
+    face_normal = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face_normal = face_normal / face_normal.norm(dim=-1, keepdim=True).clamp_min(1e-30)
+    toward = (face_normal * normals.sum(1)).sum(-1, keepdim=True)
+    return Geometry(
+        corners=corners,
+        normals=normals,
+        tangents=move(mesh.tangents),
+        uvs=move(uvs),
+        layer=move(mesh.face_layer, torch.int64),
+        face_normal=torch.where(toward < 0, -face_normal, face_normal),
+        tracer=Tracer(move(vertices), move(mesh.faces, torch.int32)),
+        center=torch.from_numpy(np.array(center)),
+        scale=float(scale),
+    )

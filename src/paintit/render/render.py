@@ -110,15 +110,20 @@ def render(
 def _shade_pixels(
     gbuffer: GBuffer, pyramid: Pyramid, light: Light, rotation: float | Tensor, index: Tensor, corrected: bool = False
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Texels (m, c >= 8), shading normals (m, 3), radiance (m, 3) of the covered pixels ``index`` (m,) into (n h w)."""
+    """Texels (m, c), shading normals (m, 3), radiance (m, 3) of the covered pixels ``index`` (m,) into (n h w).
+
+    ``pyramid``: c = 8, the maps; or 12, the maps, emission (not added here) and occlusion.
+    """
     pick = lambda tensor: tensor.flatten(0, 2)[index]  # noqa: E731
     texels = lookup(pyramid, pick(gbuffer.layer), pick(gbuffer.uv), pick(gbuffer.footprint))
     base_color, roughness, metallic, texel_normal = texels[..., :8].split([3, 1, 1, 3], -1)
+    occlusion = texels[..., 11:] if texels.shape[-1] > 8 else None
     normal = perturb(pick(gbuffer.normal).to(texels), pick(gbuffer.tangent).to(texels), texel_normal)
     if isinstance(rotation, Tensor) and rotation.ndim:
         rotation = rotation.to(index.device)[index // gbuffer.mask[0].numel()]
     view = pick(gbuffer.view).to(texels)
-    return texels, normal, shade(base_color, roughness, metallic, normal, view, light, rotation, corrected)
+    radiance = shade(base_color, roughness, metallic, normal, view, light, rotation, corrected, occlusion)
+    return texels, normal, radiance
 
 
 @torch.no_grad()
@@ -133,6 +138,7 @@ def render_image(
     rotation: float = 0.0,
     background: Background = 0.25,
     emission: Tensor | None = None,
+    occlusion: Tensor | None = None,
 ) -> NDArray[np.uint8]:
     """Images for people: (n, h, w, 3) uint8, sRGB-coded; (n, h, w, 4) with straight alpha where transparent.
 
@@ -144,11 +150,16 @@ def render_image(
         size: pixels along each side, or (height, width), after averaging ``supersample`` x ``supersample`` samples.
         background: linear grey behind the mesh (1: white), "light" for the environment, or "transparent".
         emission: (layers, h, w, 3) linear radiance of the surface's own, of the maps' size; not lit, not painted.
+        occlusion: (layers, h, w, 1) share of the surroundings that a texel sees, of the maps' size; None is 1.
     """
     height, width = (size, size) if isinstance(size, int) else size
     fine = (height * supersample, width * supersample)
     packed = maps.packed().detach()
-    pyramid = build_pyramid(packed if emission is None else torch.cat([packed, emission.to(packed)], -1))
+    if emission is not None or occlusion is not None:
+        emission = packed.new_zeros(*packed.shape[:3], 3) if emission is None else emission.to(packed)
+        occlusion = packed.new_ones(*packed.shape[:3], 1) if occlusion is None else occlusion.to(packed)
+        packed = torch.cat([packed, emission, occlusion], -1)
+    pyramid = build_pyramid(packed)
     images = []
     for view in range(len(cameras)):
         gbuffer = rasterize(geometry, cameras[view : view + 1], fine)
@@ -159,7 +170,7 @@ def render_image(
             linear = torch.full((gbuffer.mask.numel(), 3), grey, device=geometry.device)
         for index in gbuffer.mask.flatten().nonzero()[:, 0].split(_CHUNK):
             texels, _, radiance = _shade_pixels(gbuffer, pyramid, light, rotation, index, corrected=True)
-            linear[index] = (radiance if emission is None else radiance + texels[..., 8:]).to(linear)
+            linear[index] = (radiance if emission is None else radiance + texels[..., 8:11]).to(linear)
         # Clamped before averaging: one very bright sample must not undo the smoothing of its pixel's edge.
         linear = F.avg_pool2d(linear.clamp(0, 1).reshape(1, *fine, 3).movedim(-1, 1), supersample)
         if background == "transparent":

@@ -34,6 +34,7 @@ def shade(
     light: Light,
     rotation: float | Tensor = 0.0,
     corrected: bool = False,
+    occlusion: Tensor | None = None,
 ) -> Tensor:
     """Outgoing linear radiance (..., 3), any leading shape, float32 or float64.
 
@@ -49,17 +50,32 @@ def shade(
             once between microfacets (specular reflectance times 1 + k_s (1 / (A + B) - 1), Turquin 2019), and a rough
             lobe's middle turned from R toward the normal (Lagarde and de Rousiers 2014). False is the paper's equation:
             under it a white metal of roughness 1 reflects a third of the light.
+        occlusion: (..., 1) share of the surroundings that the point sees, in [0, 1], as glTF's occlusion texture stores
+            it; None is 1. All light here comes from the surroundings, so it dims both terms.
     """
     cosine = (normal * view).sum(-1, keepdim=True)
     reflected = 2 * cosine * normal - view
-    specular = base_color * metallic + DIELECTRIC * (1 - metallic)
+    at_normal = base_color * metallic + DIELECTRIC * (1 - metallic)
     scale, bias = environment_brdf(_above_zero(cosine), roughness)
-    reflectance = specular * scale + bias
+    reflectance = at_normal * scale + bias
     if corrected:
-        reflectance = reflectance * (1 + specular * (1 / (scale + bias) - 1))
+        reflectance = reflectance * (1 + at_normal * (1 / (scale + bias) - 1))
         reflected = _lobe_middle(normal, reflected, roughness)
     diffuse = base_color * (1 - metallic) * light.diffuse(normal, rotation)
-    return diffuse + light.specular(reflected, roughness, rotation) * reflectance
+    specular = light.specular(reflected, roughness, rotation) * reflectance
+    if occlusion is not None:
+        diffuse = diffuse * occlusion
+        specular = specular * specular_occlusion(occlusion, cosine, roughness)
+    return diffuse + specular
+
+
+def specular_occlusion(occlusion: Tensor, cosine: Tensor, roughness: Tensor) -> Tensor:
+    """Share of the specular lobe that is not occluded, in [0, 1] (Lagarde and de Rousiers 2014, listing 26).
+
+    A rough lobe is occluded as much as the diffuse one is, a smooth one less.
+    """
+    exponent = torch.exp2(-16 * roughness - 1)
+    return ((cosine.clamp_min(0) + occlusion).pow(exponent) - 1 + occlusion).clamp(0, 1)
 
 
 def _lobe_middle(normal: Tensor, reflected: Tensor, roughness: Tensor) -> Tensor:
