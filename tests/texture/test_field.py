@@ -10,16 +10,10 @@ import torch
 
 from paintit.config import TextureConfig
 from paintit.errors import UsageError
-from paintit.texture.field import (
-    DCPBR,
-    Pixels,
-    TextureField,
-    decode,
-    enlarge,
-    enlarge_slices,
-    make_field,
-    total_variation,
-)
+from paintit.texture.contract import decode
+from paintit.texture.dcpbr import DCPBR, enlarge, enlarge_slices
+from paintit.texture.field import TextureField, make_field
+from paintit.texture.pixels import Pixels, total_variation
 
 SMALL = TextureConfig(size=32, widths=(8, 12, 16), skip_widths=(4, 6, 8))
 HALF = dataclasses.replace(SMALL, size=64, upsample=2)
@@ -225,6 +219,7 @@ def test_gradient_descent_reaches_a_given_texture(kind: str) -> None:
         ({"upsample": 4}, "texture.size", "32"),
         ({"kind": "pixels", "size": 0}, "texture.size", "0"),
         ({"kind": "voxels"}, "texture.kind", "voxels"),
+        ({"maps": "diffuse"}, "texture.maps", "diffuse"),
         ({"min_roughness": 1.5}, "texture.min_roughness", "1.5"),
         ({"normal_strength": -0.1}, "texture.normal_strength", "-0.1"),
         ({"normal_strength": math.nan}, "texture.normal_strength", "nan"),
@@ -244,3 +239,18 @@ def test_refusals_name_the_value(change: dict, code: str, value: str) -> None:
 def test_no_layers_is_refused() -> None:
     with pytest.raises(UsageError, match="0 texture layers"):
         make_field(SMALL, 0, seeded())
+
+
+@pytest.mark.parametrize("kind", ["dcpbr", "pixels", "hash-grid", "points"])
+def test_base_colour_alone_is_learned_on_a_matte_surface(kind: str) -> None:
+    points = torch.rand(1, 32, 32, 3, generator=seeded())
+    config = dataclasses.replace(SMALL, kind=kind, maps="base_color")
+    field = make_field(config, 1, seeded(), points)
+    whole = make_field(dataclasses.replace(config, maps="pbr"), 1, seeded(), points)
+    count, more = (sum(p.numel() for p in f.parameters()) for f in (field, whole))
+    assert count < more
+    maps = field()
+    assert maps.packed()[..., 3:].flatten(0, 2).unique(dim=0).tolist() == [[1, 0, 0, 0, 1]]
+    assert maps.size == (32, 32)
+    maps.base_color.sum().backward()
+    assert all(p.grad is not None and p.grad.abs().max() > 0 for p in field.parameters())

@@ -24,15 +24,13 @@ from paintit.export.finish import finish
 from paintit.guidance.pocket import PocketPrior
 from paintit.paint.painter import Painter
 from paintit.texture.maps import TextureMaps
+from paintit.variants import apply
 
 #: ``guided`` the product; ``pixels`` texels without a network, with total variation; ``mean-start`` even maps of the
 #: caption's mean material as the text encoder tells it, no guidance; ``rgb-only`` guidance of the shaded picture alone;
 #: ``truth`` the generator's own material, the most that any method can reach.
 Method = Literal["guided", "pixels", "mean-start", "rgb-only", "truth"]
 METHODS: tuple[Method, ...] = ("guided", "pixels", "mean-start", "rgb-only", "truth")
-#: What ``pixels`` changes in the settings. A logit takes Adam's steps alone, where a network's weights add theirs up,
-#: so it needs far larger ones.
-PIXELS = ('texture.kind="pixels"', "texture.tv_weight=1.0", "optim.lr=0.2")
 #: Steps that are timed to find how many fill a given number of seconds.
 TIMED_STEPS = 4
 
@@ -75,8 +73,9 @@ def changed(config: PaintConfig, assignments: Sequence[str]) -> PaintConfig:
 
 def config_of(method: Method, assignments: Sequence[str]) -> PaintConfig:
     """The settings of a method: the ``pocket`` preset, what the method changes, then ``assignments``."""
-    own = {"pixels": PIXELS, "rgb-only": ('guidance.reads=["shaded"]',)}.get(method, ())
-    return changed(preset("pocket"), [*own, *assignments])
+    config = apply(preset("pocket"), "pixels" if method == "pixels" else "dcpbr")
+    own = ['guidance.reads=["shaded"]'] if method == "rgb-only" else []
+    return changed(config, [*own, *assignments])
 
 
 @dataclass
