@@ -1,0 +1,5 @@
+"""The command line's own fixtures serve here too."""
+
+from tests.cli.conftest import cube, here, paintit
+
+__all__ = ["cube", "here", "paintit"]
