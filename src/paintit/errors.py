@@ -45,3 +45,11 @@ class OutputError(PaintitError):
 
 class RunError(PaintitError):
     """A run folder is missing, locked, or does not match the request."""
+
+
+class StudyError(PaintitError):
+    """The questions or the answers of a study cannot be used, or its page cannot be served."""
+
+
+class DownloadError(PaintitError):
+    """Files of a public data set cannot be had."""
