@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import tracemalloc
 import warnings
 from pathlib import Path
 
@@ -22,6 +23,18 @@ def test_nothing_but_a_mesh_or_a_refusal(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check(path, unwrap=False)
+
+
+@pytest.mark.parametrize("name", ["triangle_of_1e-160.glb", "sliver_over_100000_repeats.glb"])
+def test_hostile_texture_coordinates_cost_next_to_nothing(name: str) -> None:
+    tracemalloc.start()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            read_mesh(REGRESSIONS / name)
+        assert tracemalloc.get_traced_memory()[1] < 64 << 20
+    finally:
+        tracemalloc.stop()
 
 
 glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc can fill new memory")

@@ -22,6 +22,9 @@ MAX_REPEATS = 8.0
 """UV area, in whole textures, above which the overlap need not be measured."""
 MAX_UV = 1e6
 """Texture coordinates beyond this are damage: float32 does not resolve texels there."""
+MAX_STRETCH, MAX_STRETCHES = 64.0, 50_000.0
+"""Repeats of the texture that one triangle, and that all together, may stretch over. A sliver has next to no area, and
+yet every row of texels that it crosses is looked at."""
 NEAR = 0.02
 """Places closer than this share of the mesh's extent are not distant."""
 
@@ -149,6 +152,9 @@ def _check_layer(mesh: Mesh, faces: Ints, resolution: int) -> UVQuality:
         return _unpaintable("some texture coordinates are not finite", resolution)
     if np.abs(uv).max() > MAX_UV:
         return _unpaintable(f"some texture coordinates are as large as {np.abs(uv).max():.3g}", resolution)
+    stretch = np.ptp(uv, axis=1).max(1)
+    if stretch.max() > MAX_STRETCH or stretch.sum() > MAX_STRETCHES:
+        return _unpaintable(f"a triangle stretches over {stretch.max():.3g} repeats of the texture", resolution)
     signed = _signed_areas(uv)
     area = face_normals(mesh.vertices, mesh.faces[faces])[1]
     size = np.abs(signed)
@@ -159,7 +165,8 @@ def _check_layer(mesh: Mesh, faces: Ints, resolution: int) -> UVQuality:
         coverage, distant, mirrored, fragment_share = _overlap(mesh, faces, uv, resolution)
     else:
         coverage, distant, mirrored, fragment_share = 1.0, 1.0, 0.0, total
-    density = np.sqrt(size / np.maximum(area, 1e-300))[(area > 0) & ~flat] * resolution
+    real = (area > 0) & ~flat
+    density = np.sqrt(size[real]) / np.sqrt(area[real]) * resolution  # two roots: the quotient of areas may overflow
     low, middle, high = np.percentile(density, [5, 50, 95]) if len(density) else (0.0, 0.0, 0.0)
     paintable, reason = _verdict(flat_area, coverage, distant, mirrored, total)
     return UVQuality(
