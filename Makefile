@@ -3,7 +3,9 @@
 # make lint     ruff, pyright, the layer contract
 # make bench    seconds per step, split by stage, at three mesh sizes; ratios within one run
 # make test-slow  the checks that take minutes each
-# make judge    our pictures against Cycles and three.js (needs a Chromium), and maps recovered from renders; about an hour
+# make judge    our pictures against Cycles and three.js (needs a Chromium) and Mitsuba, and maps recovered from renders; about
+#               an hour
+# make reproduce  the paper's tables and figures, rerun into docs/reproduction.md; hours, goes on where it was; SMOKE=1: minutes
 # make train-pocket  train the built-in prior anew (training/pocket/README.md)
 
 PYTHON ?= python3
@@ -13,7 +15,7 @@ PROMPT ?= a brown and white dairy cow with short fur
 MESH   ?= assets/meshes/spot/spot.obj
 OUTPUT ?= outputs/spot.glb
 
-.PHONY: paint test test-slow lint bench judge train-pocket clean
+.PHONY: paint test test-slow lint bench judge reproduce train-pocket clean
 .DEFAULT_GOAL := paint
 
 $(BIN)/paintit: pyproject.toml constraints.txt
@@ -49,8 +51,14 @@ bench: $(BIN)/paintit
 
 judge: $(VENV)/.dev tests/node_modules
 	$(BIN)/python -m benchmarks.viewers
-	for mesh in avocado water_bottle flight_helmet; do \
+	$(BIN)/python -m benchmarks.transport
+	for mesh in avocado water_bottle; do \
 		$(BIN)/python benchmarks/ground_truth.py --mesh $$mesh --picture outputs/viewers/$${mesh}_fit.png || exit 1; done
+	$(BIN)/python benchmarks/ground_truth.py --mesh flight_helmet --steps 700 --pixels 192 --close-up 0.75 \
+		--picture outputs/viewers/flight_helmet_fit.png
+
+reproduce: $(VENV)/.dev
+	$(BIN)/python -m reproduction $(if $(SMOKE),--smoke)
 
 # The recipe of the shipped weights is in training/pocket/README.md; SMOKE=1 walks the whole pipeline in minutes.
 POCKET := training/pocket

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.cli.conftest import CUBE
 
 import paintit
 from paintit.guidance.exact import ExactPrior
 from paintit.paint.painter import Step
 from paintit.settings import merge
+from tests.cli.conftest import CUBE
 
 CONFIG = merge(
     paintit.preset("pocket"),

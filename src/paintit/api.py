@@ -24,7 +24,8 @@ from paintit.guidance.prior import Prior
 from paintit.mesh.choice import choose
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.read import Unwrap, read_mesh
-from paintit.paint.painter import Painter, Step
+from paintit.paint.make import make_painter
+from paintit.paint.method import Method, Step
 from paintit.settings import validate
 from paintit.texture.maps import TextureMaps
 
@@ -41,7 +42,7 @@ class PaintResult:
         maps: the texture maps of every layer as trained, on the CPU; :meth:`export` fills gutters and unseen texels.
         config: every setting as used.
         prompt: the sentence.
-        support: (layers, h, w) how much of the views each texel has been, see ``Painter.support``.
+        support: (layers, h, w) how much of the views each texel has been, see ``paint.method.Method.support``.
         history: one record per step.
         seconds: painting time.
         peak_memory: bytes, of the process, or of the GPU where one was used; None where the system does not say.
@@ -148,7 +149,7 @@ def paint(
         )
     elif settings.materials or settings.exclude:
         mesh = dataclasses.replace(mesh, layers=choose(mesh.layers, settings.materials, settings.exclude))
-    painter = Painter(mesh, text, settings, prior, fixed=unpainted_maps(mesh, settings.texture.size))
+    painter = make_painter(mesh, text, settings, prior, fixed=unpainted_maps(mesh, settings.texture.size))
     history: list[Step] = []
     start = time.perf_counter()
     stopped = False
@@ -161,7 +162,7 @@ def paint(
 
 
 def result_of(
-    painter: Painter, prompt: str, history: tuple[Step, ...], seconds: float, *, stopped: bool = False
+    painter: Method, prompt: str, history: tuple[Step, ...], seconds: float, *, stopped: bool = False
 ) -> PaintResult:
     """What ``painter`` has made so far."""
     maps = TextureMaps.unpacked(painter.maps().packed().cpu())

@@ -25,13 +25,17 @@ def word_for_none(name: str) -> str:
 class TextureConfig:
     """How the texture maps are parameterised (paper 3.3)."""
 
-    kind: Literal["dcpbr", "pixels"] = "dcpbr"
-    """``dcpbr``: the paper's convolutional re-parameterisation. ``pixels``: the baseline of eq. 4."""
+    kind: Literal["dcpbr", "pixels", "hash-grid", "points"] = "dcpbr"
+    """``dcpbr``: the paper's convolutional re-parameterisation. The rest are what it is compared with: ``pixels`` (eq.
+    4), ``hash-grid`` features of the place in the texture (supp. B.1), ``points`` of the place in space (5.3)."""
+    maps: Literal["pbr", "base_color"] = "pbr"
+    """What is learned: all maps, or the base colour alone (5.4, without PBR) on a matte surface: roughness 1, metalness
+    0, a flat normal, the nearest to pure diffuse that glTF has, so that every viewer shows what was painted."""
     size: int = 512
     """Texels along each side of every map; a multiple of ``upsample`` times 2 to the number of levels."""
     upsample: int = 1
     """The U-Net runs at ``size`` / ``upsample`` and its output is upsampled bilinearly; a power of two, 1 as published.
-    ``pixels`` ignores it."""
+    Only ``dcpbr`` reads it, as all of the network's settings."""
     widths: tuple[int, ...] = (128, 128, 128, 128, 128)
     """Channels of the U-Net at each level, finest first (supp. A.1: five levels)."""
     skip_widths: tuple[int, ...] = (128, 128, 128, 128, 128)
@@ -44,6 +48,16 @@ class TextureConfig:
     """Largest tilt of the normal map along each tangent axis, before normalisation."""
     tv_weight: float = 0.0
     """Weight of total variation on the base colour; for ``pixels`` (eq. 4)."""
+    grid_levels: int = 16
+    """Levels of the hash grid of ``hash-grid`` and ``points``; the finest has ``size`` cells along each side."""
+    grid_features: int = 2
+    """Features at each node of the hash grid."""
+    grid_table: int = 16
+    """Each level of the hash grid keeps at most 2 to this many nodes; further ones share."""
+    grid_base: int = 16
+    """Cells along each side of the hash grid's coarsest level."""
+    hidden: int = 32
+    """Width of the two hidden layers after the hash grid."""
     precision: Literal["auto", "float32", "bfloat16"] = "float32"
     """Arithmetic inside the U-Net; weights, statistics and maps stay float32. bfloat16 is quicker where the processor
     has it and slower where it has not; ``auto`` asks the processor."""
@@ -158,6 +172,26 @@ class OptimConfig:
 
 
 @dataclass(frozen=True)
+class ProjectionConfig:
+    """``method`` projection: views are sampled whole and put on the surface one after another (the idea of TEXTure and
+    Text2Tex); ``optim`` and the noise levels of ``guidance`` are then without effect."""
+
+    views: int = 24
+    """Views in all: the first from all sides, the others where they improve most texels."""
+    steps: int = 30
+    """Denoising steps of each view."""
+    scale: float = 7.5
+    """s in uncond + s (cond - uncond)."""
+    eta: float = 1.0
+    """Share of the noise that is drawn anew at every denoising step, 0 (DDIM) to 1 (DDPM); new noise lets a view agree
+    better with what it grows onto."""
+    refine: float = 0.5
+    """Noise level, 0 to 1, from which what was seen badly before is sampled anew."""
+    better: float = 1.5
+    """How many times better than before a view must see a place to paint it anew."""
+
+
+@dataclass(frozen=True)
 class LimitConfig:
     """What a mesh file may ask for before it is refused; raise a limit for a file that you trust."""
 
@@ -183,7 +217,10 @@ class PaintConfig:
     prompt: PromptConfig = field(default_factory=PromptConfig)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
+    projection: ProjectionConfig = field(default_factory=ProjectionConfig)
     limits: LimitConfig = field(default_factory=LimitConfig)
+    method: Literal["distillation", "projection"] = "distillation"
+    """``distillation``: Paint-it's score distillation. ``projection``: the baseline that samples views and projects."""
     unwrap: Literal["auto", "always", "never"] = "auto"
     """``auto`` keeps the mesh's own UVs whenever they can be painted on."""
     pose: str = "rest"
@@ -215,6 +252,7 @@ POCKET = PaintConfig(
     prompt=PromptConfig(template="{prompt}", negative=""),
     guidance=GuidanceConfig(prior="pocket", scale=3.0, scale_end=1.5, t_start=(0.6, 0.99), t_end=(0.3, 0.9)),
     optim=OptimConfig(steps=300, lr=3e-3),
+    projection=ProjectionConfig(views=96, steps=16, scale=2.0),
 )
 """The default: the prior that ships in the package, on two CPU cores."""
 

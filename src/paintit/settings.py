@@ -186,6 +186,11 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "texture.min_roughness": (0, 1),
     "texture.normal_strength": (0, 1),
     "texture.tv_weight": (0, math.inf),
+    "texture.grid_levels": (1, 32),
+    "texture.grid_features": (1, 16),
+    "texture.grid_table": (4, 24),
+    "texture.grid_base": (1, 1024),
+    "texture.hidden": (1, 1024),
     "light.exposure": (0, math.inf),
     "light.rotation": (-math.inf, math.inf),
     "views.count": (1, 256),
@@ -199,6 +204,12 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "optim.decay": (0, 1),
     "optim.decay_every": (1, 10_000_000),
     "optim.clip": (0, math.inf),
+    "projection.views": (1, 100_000),
+    "projection.steps": (1, 1000),
+    "projection.scale": (-math.inf, math.inf),
+    "projection.eta": (0, 1),
+    "projection.refine": (0, 1),
+    "projection.better": (1, 1000),
     "limits.file_mib": (1, 1_000_000_000),
     "limits.faces": (1, 1_000_000_000),
     "limits.nodes": (1, 1_000_000_000),
@@ -244,7 +255,11 @@ def validate(config: PaintConfig) -> None:
         a, b = _get(config, name)
         if not low <= a <= b <= high:
             _refuse(name, (a, b), f"it must be two numbers, the lower first, from {low} to {high}")
-    _validate_texture(config.texture)
+    if config.method == "distillation":  # a projection has no network
+        _validate_texture(config.texture)
+    reads = config.guidance.reads
+    if config.texture.maps == "base_color" and reads and not {"shaded", "base_color"} & set(reads):
+        _refuse("guidance.reads", reads, "include shaded or base_color: texture.maps base_color learns nothing else")
     for index, focus in enumerate(config.views.focus):
         if not 0 < focus.radius < math.inf:
             _refuse(f"views.focus[{index}].radius", focus.radius, "it must be greater than 0")
@@ -262,7 +277,7 @@ def validate(config: PaintConfig) -> None:
 
 
 def _validate_texture(texture: TextureConfig) -> None:
-    if texture.kind == "pixels":
+    if texture.kind != "dcpbr":
         return
     levels = len(texture.widths)
     if not levels or min(texture.widths) < 1:

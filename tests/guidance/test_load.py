@@ -30,7 +30,7 @@ def test_table_is_torch_free() -> None:
 
 
 def test_known_names() -> None:
-    assert set(KNOWN) == {"pocket", "sd21-base", "sd21", "sd15"}
+    assert set(KNOWN) == {"pocket", "sd21-base", "sd21", "sd2-depth", "sd15"}
     for name, info in KNOWN.items():
         assert prior_info(name) == info
         assert info.name == name

@@ -14,6 +14,7 @@ from tests.guidance.tiny import save_tiny
 from torch.nn import functional
 
 from paintit.errors import PriorError
+from paintit.guidance.depth import relative_disparity
 from paintit.guidance.sds import sds_gradient
 from paintit.guidance.stable_diffusion import StableDiffusionPrior, to_epsilon
 
@@ -103,6 +104,55 @@ def test_chunks_change_nothing(prior: StableDiffusionPrior) -> None:
     torch.testing.assert_close(prior.predict_noise(x_t, 0.4, text), whole, atol=1e-5, rtol=1e-4)
     hook.remove()
     assert sizes == [2, 2, 1]
+
+
+@pytest.fixture(scope="session")
+def depth_prior(tmp_path_factory: pytest.TempPathFactory) -> StableDiffusionPrior:
+    return StableDiffusionPrior.load(save_tiny(tmp_path_factory.mktemp("tiny") / "depth", depth=True))
+
+
+def test_a_network_with_one_channel_more_sees_depth(depth_prior: StableDiffusionPrior) -> None:
+    check_prior(depth_prior)
+    assert depth_prior.sees == ("depth", "mask")
+    x_t = torch.randn(2, 4, 16, 16, generator=torch.Generator().manual_seed(0))
+    text = depth_prior.encode_text(["a cow", "a pig"])
+    channels = make_channels(("depth", "mask"), 2, 32)
+    shown = depth_prior.encode_geometry(channels)
+    assert shown is not None
+    assert shown.shape == (2, 1, 16, 16)
+    with torch.no_grad():
+        native = depth_prior.unet(torch.cat([x_t, shown], 1), 400, encoder_hidden_states=text).sample
+    torch.testing.assert_close(depth_prior.predict_noise(x_t, 0.4, text, shown), native)
+    other = depth_prior.encode_geometry(channels | {"depth": channels["depth"].flip(1)})
+    assert not torch.equal(depth_prior.predict_noise(x_t, 0.4, text, other), native)
+    with pytest.raises(ValueError, match="sees"):
+        depth_prior.predict_noise(x_t, 0.4, text)
+
+
+def test_depth_is_told_as_the_pipeline_tells_it(depth_prior: StableDiffusionPrior) -> None:
+    """Nearest 1, behind it all -1, between them inverse depth; the pipeline's own preparation changes nothing."""
+    from diffusers import StableDiffusionDepth2ImgPipeline
+
+    depth = torch.tensor([2.0, 8 / 3, 4.0, 0.0]).repeat_interleave(8)[None, None, :, None].expand(1, 32, 32, 1)
+    shown = relative_disparity(depth, (depth > 0).float(), 32)
+    torch.testing.assert_close(shown[0, 0, 5, ::8], torch.tensor([1.0, 0.5, 0.0, -1.0]))
+    # Called without an instance, whose other parts would be a depth estimator: it needs the autoencoder's factor alone.
+    pipeline = type("Parts", (), {"vae_scale_factor": 1})()
+    again = StableDiffusionDepth2ImgPipeline.prepare_depth_map(
+        pipeline, [torch.zeros(3, 32, 32)], shown[:, 0], 1, False, torch.float32, torch.device("cpu")
+    )
+    torch.testing.assert_close(again, shown, atol=1e-5, rtol=0)
+    even = relative_disparity(torch.full((1, 8, 8, 1), 3.0), torch.ones(1, 8, 8, 1), 4)
+    assert torch.equal(even, torch.ones(1, 1, 4, 4))
+
+
+def test_decoding_is_the_autoencoders_own(prior: StableDiffusionPrior) -> None:
+    x = 0.1 * torch.randn(2, 4, 16, 16, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        image = prior.vae.decode(x / SCALING).sample
+    shaded = prior.decode_image(x)["shaded"]
+    assert shaded.shape == (2, 32, 32, 3)
+    torch.testing.assert_close(shaded, (image.permute(0, 2, 3, 1) / 2 + 0.5).clamp(0, 1), atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.filterwarnings("ignore")

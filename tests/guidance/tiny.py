@@ -9,8 +9,11 @@ from pathlib import Path
 import torch
 
 
-def save_tiny(folder: Path, prediction_type: str = "epsilon", scaling_factor: float = 0.3) -> Path:
-    """A text-to-image checkpoint of a few hundred kilobytes in ``folder``; 32 pixels, latents of 16 x 16."""
+def save_tiny(
+    folder: Path, prediction_type: str = "epsilon", scaling_factor: float = 0.3, *, depth: bool = False
+) -> Path:
+    """A text-to-image (or depth-to-image) checkpoint of a few hundred kilobytes in ``folder``; 32 pixels, latents of
+    16 x 16."""
     from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
     from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
@@ -18,6 +21,7 @@ def save_tiny(folder: Path, prediction_type: str = "epsilon", scaling_factor: fl
         torch.manual_seed(0)
         unet = UNet2DConditionModel(
             sample_size=16,
+            in_channels=5 if depth else 4,
             block_out_channels=(8, 16),
             layers_per_block=1,
             norm_num_groups=4,
@@ -58,5 +62,6 @@ def save_tiny(folder: Path, prediction_type: str = "epsilon", scaling_factor: fl
     (tokens / "vocab.json").write_text(json.dumps(vocabulary))
     (tokens / "merges.txt").write_text("#version: 0.2\n")
     CLIPTokenizer(str(tokens / "vocab.json"), str(tokens / "merges.txt"), model_max_length=24).save_pretrained(tokens)
-    (folder / "model_index.json").write_text(json.dumps({"_class_name": "StableDiffusionPipeline"}))
+    pipeline = "StableDiffusionDepth2ImgPipeline" if depth else "StableDiffusionPipeline"
+    (folder / "model_index.json").write_text(json.dumps({"_class_name": pipeline}))
     return folder

@@ -84,12 +84,13 @@ def _record_rows(record: Record) -> list[tuple[str, str]]:
 def _mesh(path: Path, limits: LimitConfig) -> Result:
     from paintit.mesh.gltf_document import GltfDocument
     from paintit.mesh.inspect import summarize
-    from paintit.mesh.read import read_as_it_is, read_mesh
+    from paintit.mesh.read import made_paintable, read_as_it_is
     from paintit.mesh.uv import check
 
-    mesh = read_mesh(path, limits=limits)
+    as_it_is = read_as_it_is(path, limits=limits)
+    mesh = made_paintable(as_it_is, path)
     summary = summarize(mesh)
-    own = summary.uv if summary.uv_origin == "file" else check(read_as_it_is(path, limits=limits))
+    own = summary.uv if summary.uv_origin == "file" else check(as_it_is)
     data: dict[str, Any] = {"kind": "mesh", "mesh": dataclasses.asdict(summary)}
     data["mesh"]["path"] = str(path)
     data["uv_in_file"] = dataclasses.asdict(own)

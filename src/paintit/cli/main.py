@@ -25,7 +25,11 @@ COMMANDS = {
     "unwrap": "give a mesh texture coordinates and report their quality",
     "render": "make images or a turntable of a painted asset",
     "export": "write a run or an asset as GLB, glTF, OBJ or PNG maps",
+    "evaluate": "score painted assets: beside a reference, and without one",
+    "analyze": "rerun the paper's analysis: frequencies learned over time, agreement of gradients",
     "priors": "list the diffusion priors, or show one",
+    "study": "ask people how realistic results look, and report what they said",
+    "objaverse": "download meshes of Objaverse by a list of ids, with their licences",
     "doctor": "check versions, devices and caches, and paint a toy",
 }
 

@@ -23,9 +23,9 @@ ABOUT = """Make textures for a mesh from a sentence.
 Example:  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o chair.glb
 
 A preset gives every setting; --config FILE replaces some; flags replace those. Everyday flags: -o --preset --config
---resume --prior --negative --steps --views --seed --texture-size --render-size --light --focus --no-focus --pose
---material --exclude --unwrap --device --dtype --snapshot-every --preview --turntable --dry-run --overwrite. For every
-command: --json -v -q --no-color."""
+--resume --method --prior --negative --steps --views --seed --texture-size --render-size --light --focus --no-focus
+--pose --material --exclude --unwrap --device --dtype --snapshot-every --preview --turntable --dry-run --overwrite. For
+every command: --json -v -q --no-color."""
 
 
 @dataclass(frozen=True)

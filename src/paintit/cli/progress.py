@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from paintit.cli.console import Console
 
 if TYPE_CHECKING:
-    from paintit.paint.painter import Step
+    from paintit.paint.method import Step
 
 #: Seconds between lines where there is no terminal.
 LINE_EVERY = 30.0
@@ -59,7 +59,7 @@ class Progress:
         taken, self._last = now - self._last, now
         self._pace = taken if self._pace is None else _SMOOTHING * self._pace + (1 - _SMOOTHING) * taken
         left = _clock((self._total - step.index) * self._pace)
-        numbers = f"gradient norm {step.gradient_norm:.3g}  {self._pace:.2f} s/step  {left} left"
+        numbers = f"{step.summary}  {self._pace:.2f} s/step  {left} left"
         if self._bar is not None:
             self._bar.update(self._task, completed=step.index, numbers=numbers)
         elif now - self._line >= LINE_EVERY:

@@ -39,6 +39,7 @@ class ExactPrior:
 
     reads: tuple[ReadChannel, ...] = ("base_color", "roughness", "metallic")
     sees: tuple[SeeChannel, ...] = ("position", "mask")
+    bound: float = math.inf
 
     def __init__(self, target: Target = smooth_target, deviation: float = 0.0) -> None:
         self.target = target
@@ -52,6 +53,11 @@ class ExactPrior:
     def encode_image(self, channels: Mapping[str, Tensor]) -> Tensor:
         """[0, 1] channels (n, h, w, c) -> (n, 5, h, w) in [-1, 1]."""
         return 2 * torch.cat([channels[name] for name in self.reads], -1).permute(0, 3, 1, 2) - 1
+
+    def decode_image(self, x: Tensor) -> dict[str, Tensor]:
+        """(n, 5, h, w) in [-1, 1] -> the ``reads`` channels (n, h, w, c) in [0, 1]."""
+        base_color, roughness, metallic = ((x.movedim(1, -1) + 1) / 2).clamp(0, 1).split([3, 1, 1], -1)
+        return {"base_color": base_color, "roughness": roughness, "metallic": metallic}
 
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor:
         """mu of each view, (n, 5, h, w) in [-1, 1]; 0, mid grey, off the mask."""

@@ -56,6 +56,15 @@ KNOWN: dict[str, PriorInfo] = {
             "Stable Diffusion 2.1 at 768 pixels; predicts v",
         ),
         PriorInfo(
+            "sd2-depth",
+            "sd2-community/stable-diffusion-2-depth",
+            "stable-diffusion",
+            "CreativeML Open RAIL++-M",
+            512,
+            5160,
+            "Stable Diffusion 2 that sees depth; for --method projection",
+        ),
+        PriorInfo(
             "sd15",
             "stable-diffusion-v1-5/stable-diffusion-v1-5",
             "stable-diffusion",

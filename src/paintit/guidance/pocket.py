@@ -47,6 +47,7 @@ class PocketPrior:
 
     reads: tuple[ReadChannel, ...] = ("shaded", "base_color", "roughness", "metallic")
     sees: tuple[SeeChannel, ...] = ("normal", "mask", "position", "normal_object")
+    bound: float = 1.0
 
     def __init__(
         self,
@@ -110,6 +111,12 @@ class PocketPrior:
                 raise PriorError("prior.channels", f"channel '{name}' is {found}, the pocket prior reads {width}")
             parts.append(channels[name])
         return self._resample(torch.cat(parts, -1)) * 2 - 1
+
+    @torch.no_grad()
+    def decode_image(self, x: Tensor) -> dict[str, Tensor]:
+        """(n, 8, 32, 32) in [-1, 1] -> the ``reads`` channels (n, 32, 32, c) in [0, 1]."""
+        image = (x.movedim(1, -1).clamp(-1, 1) + 1) / 2
+        return dict(zip(STACK, image.split(list(STACK.values()), -1), strict=True))
 
     @torch.no_grad()
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor:

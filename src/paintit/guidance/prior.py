@@ -75,6 +75,18 @@ class Prior(Protocol):
 
 
 @runtime_checkable
+class Decoder(Protocol):
+    """A prior whose samples can be turned back into pictures: what projection needs."""
+
+    bound: float
+    """Largest magnitude of what it denoises, such as 1 where that is a picture in [-1, 1]; inf where there is none."""
+
+    def decode_image(self, x: Tensor) -> dict[str, Tensor]:
+        """Inverse of ``encode_image``: (n, c, h', w') -> the ``reads`` channels, each (n, h, w, c) in [0, 1]."""
+        ...
+
+
+@runtime_checkable
 class Reader(Protocol):
     """A prior with a small vocabulary, which says how it reads words outside it."""
 

@@ -1,4 +1,5 @@
-"""Stable Diffusion 1.x and 2.x as a prior, from any diffusers checkpoint: hub id or local folder, safetensors only."""
+"""Stable Diffusion 1.x and 2.x as a prior, also conditioned on depth, from any diffusers checkpoint: hub id or local
+folder, safetensors only."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import hashlib
 import importlib
 import json
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from paintit.errors import PriorError
+from paintit.guidance.depth import relative_disparity
 from paintit.guidance.prior import PriorSpec, ReadChannel, SeeChannel
 
 if TYPE_CHECKING:
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 #: Pipelines whose parts are one U-Net, one KL autoencoder and one CLIP text encoder.
-PIPELINES = ("StableDiffusionPipeline", "StableDiffusionImg2ImgPipeline")
+PIPELINES = ("StableDiffusionPipeline", "StableDiffusionImg2ImgPipeline", "StableDiffusionDepth2ImgPipeline")
 #: Folder of each part that holds weights -> the stem of its weight file.
 WEIGHTS = {"unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model", "text_encoder": "model"}
 #: What is fetched of a hub repository: the parts in one precision, not its single-file copies.
@@ -44,7 +47,8 @@ DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch
 class StableDiffusionPrior:
     """A latent diffusion model behind the :class:`~paintit.guidance.prior.Prior` contract.
 
-    Reads ``shaded`` alone and sees no geometry. Latents are the mean of the autoencoder's posterior, without sampling
+    Reads ``shaded`` alone; sees no geometry, or, where the U-Net takes one channel more than the latents have (the
+    depth-to-image family), the depth. Latents are the mean of the autoencoder's posterior, without sampling
     noise, times the autoencoder's own scaling factor. t is rounded to the nearest of the model's training timesteps.
 
     Args:
@@ -54,6 +58,7 @@ class StableDiffusionPrior:
 
     reads: tuple[ReadChannel, ...] = ("shaded",)
     sees: tuple[SeeChannel, ...] = ()
+    bound: float = math.inf
 
     def __init__(
         self,
@@ -74,17 +79,21 @@ class StableDiffusionPrior:
         prediction_type = str(scheduler.config["prediction_type"])
         if prediction_type not in ("epsilon", "v_prediction", "sample"):
             raise PriorError("prior.prediction", f"'{id}' predicts '{prediction_type}'", "choose an epsilon or v model")
-        if unet_config.in_channels != vae_config.latent_channels:
+        latent = vae_config.latent_channels
+        if unet_config.in_channels not in (latent, latent + 1):
             raise PriorError(
                 "prior.kind",
-                f"the U-Net of '{id}' takes {unet_config.in_channels} channels, not {vae_config.latent_channels}",
-                "choose a text-to-image checkpoint, not one for inpainting or depth",
+                f"the U-Net of '{id}' takes {unet_config.in_channels} channels, not {latent} (or {latent + 1}: depth)",
+                "choose a text-to-image or depth-to-image checkpoint, not one for inpainting",
             )
+        if unet_config.in_channels > latent:
+            self.sees = ("depth", "mask")
         self.unet, self.vae, self.text_encoder, self.tokenizer = unet, vae, text_encoder, tokenizer
         for model in (unet, vae, text_encoder):
             model.requires_grad_(False).eval()
         self.chunk = chunk
         self.scaling_factor = float(vae_config.scaling_factor)
+        self._factor = 2 ** (len(vae_config.block_out_channels) - 1)
         self.alphas_cumprod: list[float] = scheduler.alphas_cumprod.double().tolist()
         self._texts: dict[str, Tensor] = {}
         self.spec = PriorSpec(
@@ -92,7 +101,7 @@ class StableDiffusionPrior:
             family="stable-diffusion",
             revision=revision,
             licence=licence,
-            resolution=_side(unet_config.sample_size) * 2 ** (len(vae_config.block_out_channels) - 1),
+            resolution=_side(unet_config.sample_size) * self._factor,
             prediction_type=prediction_type,
             guidance_scale=101.0,
         )
@@ -195,9 +204,19 @@ class StableDiffusionPrior:
         latents = self.scaling_factor * encoded.latent_dist.mean
         return latents.to(torch.promote_types(latents.dtype, torch.float32))
 
-    def encode_geometry(self, channels: Mapping[str, Tensor]) -> None:
-        """Nothing: this family sees no geometry."""
-        return None
+    @torch.no_grad()
+    def decode_image(self, x: Tensor) -> dict[str, Tensor]:
+        """Latents (n, 4, h, w) -> ``shaded`` (n, 8 h, 8 w, 3) in [0, 1]."""
+        latents: Any = (x / self.scaling_factor).to(self.vae.device, self.vae.dtype)
+        image: Any = torch.cat([self.vae.decode(part, return_dict=False)[0] for part in latents.split(1)])
+        return {"shaded": ((image.movedim(1, -1) + 1) / 2).clamp(0, 1).to(x)}
+
+    @torch.no_grad()
+    def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
+        """None, or inverse depth (n, 1, resolution / 8, resolution / 8), see :func:`depth.relative_disparity`."""
+        if not self.sees:
+            return None
+        return relative_disparity(channels["depth"], channels["mask"], self.spec.resolution // self._factor)
 
     def timestep(self, t: float) -> int:
         """The training timestep nearest to the fraction t of the schedule."""
@@ -214,11 +233,18 @@ class StableDiffusionPrior:
 
     @torch.no_grad()
     def predict_noise(self, x_t: Tensor, t: float, text: Tensor, geometry: Tensor | None = None) -> Tensor:
-        """epsilon-hat, in the type of ``x_t``, whatever the model predicts."""
+        """epsilon-hat, in the type of ``x_t``, whatever the model predicts.
+
+        Raises:
+            ValueError: there is no ``geometry``, and the model sees depth.
+        """
+        if bool(self.sees) != (geometry is not None):
+            raise ValueError(f"'{self.spec.id}' sees {self.sees or 'no geometry'}")
+        inputs = x_t if geometry is None else torch.cat([x_t, geometry.to(x_t)], 1)
         native = torch.cat(
             [
                 self.unet(part.to(self.unet.dtype), self.timestep(t), words.to(self.unet.dtype)).sample
-                for part, words in zip(self._chunks(x_t), self._chunks(text), strict=True)
+                for part, words in zip(self._chunks(inputs), self._chunks(text), strict=True)
             ]
         )
         return to_epsilon(native.to(x_t), x_t, *self.alpha_sigma(t), self.spec.prediction_type)
@@ -309,7 +335,9 @@ def _check(folder: Path, source: str) -> str | None:
         raise PriorError("prior.folder", f"'{index}' is not a diffusers index", "fetch the checkpoint again") from error
     if pipeline not in PIPELINES:
         raise PriorError(
-            "prior.kind", f"'{source}' is a {pipeline}", "choose a Stable Diffusion 1.x or 2.x text-to-image checkpoint"
+            "prior.kind",
+            f"'{source}' is a {pipeline}",
+            "choose a Stable Diffusion 1.x or 2.x checkpoint, text-to-image or depth-to-image",
         )
     # transformers makes an empty tokenizer of a missing vocabulary, without a word.
     for needed in (("tokenizer/vocab.json", "tokenizer/tokenizer.json"), ("scheduler/scheduler_config.json",)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as F
+from torch import Tensor
 
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.uv import nearest_covered, rasterize_uv
@@ -28,6 +29,9 @@ class Gutters:
         self._nearest = torch.from_numpy(nearest_covered(covered)).to(device)
 
     def __call__(self, maps: TextureMaps) -> TextureMaps:
-        packed = maps.packed()
+        return TextureMaps.unpacked(self.filled(maps.packed()))
+
+    def filled(self, image: Tensor) -> Tensor:
+        """The same for any (layers, size, size, c)."""
         # embedding, not indexing: its backward pass is deterministic on the CPU whatever the thread count.
-        return TextureMaps.unpacked(F.embedding(self._nearest, packed.reshape(-1, packed.shape[-1])))
+        return F.embedding(self._nearest, image.reshape(-1, image.shape[-1]))

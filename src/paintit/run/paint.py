@@ -6,6 +6,7 @@ was killed and resumed gives the same bytes as one that was not.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -18,7 +19,7 @@ from typing import IO, Any
 from paintit import api
 from paintit.config import PaintConfig, to_dict
 from paintit.device import choose_device
-from paintit.errors import PaintitError, RunError
+from paintit.errors import OutputError, PaintitError, RunError
 from paintit.export.image import write_maps
 from paintit.export.preview import preview, turntable, write_turntable
 from paintit.export.read_maps import unpainted_maps
@@ -29,7 +30,8 @@ from paintit.guidance.load import load_prior
 from paintit.guidance.prior import Prior
 from paintit.mesh.mesh import Mesh
 from paintit.paint import checkpoint
-from paintit.paint.painter import Painter, Step
+from paintit.paint.make import make_painter
+from paintit.paint.method import Method, Step
 from paintit.render.light import load_environment, prefilter
 from paintit.run import record as records
 from paintit.run.folder import RunFolder, find, locked
@@ -49,7 +51,7 @@ class Job:
     folder: RunFolder
     mesh: Mesh
     prompt: str
-    painter: Painter
+    painter: Method
     resumed: Record | None = None
 
     @property
@@ -84,7 +86,7 @@ def prepare(request: Request, prior: Prior | None = None) -> Job:
     return Job(request, found.folder, found.mesh, found.prompt, _painter(found.mesh, found.prompt, request, prior))
 
 
-def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> Painter:
+def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> Method:
     config = request.config
     device, _ = choose_device(config.device)
     environment = load_environment(config.light.path, config.light.exposure)  # before the prior, which may take minutes
@@ -94,7 +96,7 @@ def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> 
         allow_download=request.allow_download,
     )  # fmt: skip
     fixed = unpainted_maps(mesh, config.texture.size)
-    return Painter(mesh, prompt, config, prior, prefilter(environment, device), fixed)
+    return make_painter(mesh, prompt, config, prior, prefilter(environment, device), fixed)
 
 
 def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
@@ -234,7 +236,7 @@ def _start(job: Job) -> Record:
     return record
 
 
-def _prompts(painter: Painter) -> tuple[str, ...]:
+def _prompts(painter: Method) -> tuple[str, ...]:
     return tuple(painter.sent_prompts)
 
 
@@ -258,7 +260,8 @@ def _failed(job: Job, record: Record, error: BaseException, seconds: float) -> N
         record, state=state, outcome=outcome, step=job.painter.step, ended=records.now(),
         seconds=round(record.seconds + seconds, 3),
     )  # fmt: skip
-    records.write(job.folder.record, record)
+    with contextlib.suppress(OutputError):  # where the disk is full, that is the error itself
+        records.write(job.folder.record, record)
 
 
 def _paint(job: Job, on_step: Callable[[Step], None] | None, stop: Callable[[], bool], every: float) -> list[Step]:

@@ -9,6 +9,7 @@ from paintit.device import choose_device, native_bfloat16
 from paintit.errors import PriorError
 from paintit.guidance.load import known_prior, load_prior
 from paintit.guidance.prompt import Prompts
+from paintit.guidance.sampling import sampling_prior
 from paintit.mesh.mesh import Mesh
 from paintit.paint.views import focus_note, focus_regions
 from paintit.render.light import load_environment
@@ -23,6 +24,10 @@ from paintit.run.request import Request, check
 _BASE = 780 << 20
 #: Channels of the maps at full size, where the network is smaller than they are or there is none.
 _MAP_CHANNELS = 8
+#: Bytes for each corner of a hash grid's cell that a texel lies in: row, weight and their transpose, twice when made.
+_CORNER = 32
+#: Share of the texels that lie on the surface (a guess): only those are kept by the texture kind ``points``.
+_COVERED = 0.6
 #: Live arrays for each channel: value, normalisation, activation and their gradients.
 _COPIES = 8
 #: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients (a guess).
@@ -54,6 +59,8 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
     files += [folder.turntable] if request.turntable else []
     files += [folder.snapshots] if request.snapshot_every else []
     painted = [layer.name for layer in mesh.layers if layer.painted]
+    projects = config.method == "projection"
+    steps, count = (config.projection.views, 1) if projects else (config.optim.steps, config.views.count)
     return {
         "mesh": mesh.source.path.name if mesh.source else "",
         "faces": len(mesh.faces),
@@ -64,8 +71,9 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
         "prior": _prior(request),
         "light": environment.name,
         "prompts": list(prompts.distinct()),
-        "steps": config.optim.steps,
-        "views": f"{config.views.count} of {config.views.size} x {config.views.size} pixels",
+        "method": config.method,
+        "steps": steps,
+        "views": f"{count} of {config.views.size} x {config.views.size} pixels",
         "textures": f"{len(painted)} x {config.texture.size} x {config.texture.size} texels",
         "device": str(device),
         "device_reason": reason,
@@ -95,6 +103,8 @@ def _prior(request: Request) -> str:
         if error.code in ("prior.unknown", "prior.missing", "prior.file"):
             raise
         return f"{guidance.prior}: {error}"
+    if request.config.method == "projection":
+        sampling_prior(prior, "projection")
     return f"{prior.spec.id}: {prior.spec.family}, {prior.spec.licence or 'licence not stated'}"
 
 
@@ -105,10 +115,16 @@ def memory(config: PaintConfig, layers: int, faces: int) -> int:
     short = texture.precision == "bfloat16" or (texture.precision == "auto" and native_bfloat16(device))
     texels = layers * texture.size**2
     network = 0.0
-    if texture.kind != "pixels":
+    projects = config.method == "projection"
+    if texture.kind == "dcpbr" and not projects:
         widths = zip(texture.widths, texture.skip_widths, strict=True)
         channels = sum((2 * width + skip) / 4**level for level, (width, skip) in enumerate(widths))
         network = (2 if short else 4) * channels / texture.upsample**2
     maps = 0 if network and texture.upsample == 1 else 4 * _MAP_CHANNELS
-    pixels = config.views.count * config.views.size**2
-    return int(_BASE + _COPIES * (network + maps) * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)
+    grid = 0.0
+    if texture.kind in ("hash-grid", "points") and not projects:
+        corners, share = (4, 1.0) if texture.kind == "hash-grid" else (8, _COVERED)
+        encoded = texture.grid_levels * texture.grid_features
+        grid = share * (_CORNER * texture.grid_levels * corners + 16 * (encoded + 2 * texture.hidden))
+    pixels = (1 if projects else config.views.count) * config.views.size**2
+    return int(_BASE + (_COPIES * (network + maps) + grid) * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)
