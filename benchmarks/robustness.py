@@ -44,6 +44,7 @@ from paintit.export.write import write
 from paintit.mesh.inspect import summarize
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.read import FORMATS, read_mesh
+from paintit.render.camera import fitted
 from paintit.render.environment import load_environment
 from paintit.render.gbuffer import rasterize
 from paintit.render.geometry import Geometry
@@ -147,7 +148,8 @@ def examine(path: Path, light: Light, picture: Path | None, row: Row) -> None:
 
 def _render(mesh: Mesh, maps: TextureMaps, light: Light, picture: Path | None) -> float:
     """Share of pixels that show the mesh, the most of all views."""
-    geometry, cameras = Geometry.from_mesh(mesh), preview_cameras(VIEWS)
+    geometry = Geometry.from_mesh(mesh)
+    cameras = fitted(preview_cameras(VIEWS), geometry.corners)
     images = render_image(geometry, cameras, maps, light, SIZE, supersample=1, background=BACKGROUND)
     if picture is not None:
         picture.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from paintit.render.camera import look_at, orbit
+from paintit.render.camera import fitted, look_at, orbit
 from paintit.render.gbuffer import rasterize, uv_footprint
 from paintit.render.geometry import Geometry
 
@@ -52,6 +52,15 @@ def test_image_is_upright_and_texture_is_not_mirrored(plane) -> None:
     u, v = gbuffer.uv[0, 16, :, 0][gbuffer.mask[0, 16]], gbuffer.uv[0, :, 16, 1][gbuffer.mask[0, :, 16]]
     assert (u.diff() > 0).all()
     assert (v.diff() > 0).all()
+
+
+def test_a_fitted_camera_nearly_fills_the_frame_and_cuts_nothing_off(plane) -> None:
+    tilted = look_at(angles(0, 40), angles(0, -35), 3.0, FOV)
+    for fill in (0.5, 0.92):
+        gbuffer = rasterize(Geometry.from_mesh(plane), fitted(tilted, Geometry.from_mesh(plane).corners, fill), 200)
+        rows, columns = gbuffer.mask.any(2).nonzero()[:, 1], gbuffer.mask.any(1).nonzero()[:, 1]
+        reach = torch.cat([rows, columns]) + 0.5
+        assert abs(float((reach - 100).abs().max()) / 100 - fill) < 0.01
 
 
 def test_faces_are_two_sided(plane) -> None:

@@ -14,7 +14,7 @@ from paintit.errors import UsageError
 from paintit.export.image import check_layers
 from paintit.files import write_files
 from paintit.mesh.mesh import Mesh
-from paintit.render.camera import Cameras, look_at, orbit
+from paintit.render.camera import Cameras, fitted, look_at, orbit
 from paintit.render.environment import load_environment
 from paintit.render.geometry import Geometry
 from paintit.render.light import Light, prefilter
@@ -52,7 +52,7 @@ def preview(
     supersample: int = 2,
     columns: int | None = None,
 ) -> Image.Image:
-    """``views`` pictures of ``size`` pixels each in one sheet, left to right, top to bottom.
+    """``views`` pictures of ``size`` pixels in one sheet, left to right, top to bottom; the mesh nearly fills them.
 
     Args:
         light_path: ``"default"``, an .hdr or an .exr file.
@@ -65,7 +65,7 @@ def preview(
         LightError: the light cannot be read.
         UsageError: ``"preview.size"``, no views or no pixels.
     """
-    cameras = preview_cameras(_positive(views, "views"))
+    cameras = fitted(preview_cameras(_positive(views, "views")), Geometry.from_mesh(mesh).corners)
     images = pictures(
         mesh, maps, cameras, light_path, size,
         exposure=exposure, rotation_deg=rotation_deg, background=background, supersample=supersample,
@@ -91,7 +91,8 @@ def turntable(
 
     Raises: as :func:`preview`.
     """
-    cameras = orbit(_positive(frames, "frames"), elevation_deg, RADIUS, FOV)
+    around = orbit(_positive(frames, "frames"), elevation_deg, RADIUS, FOV)
+    cameras = fitted(around, Geometry.from_mesh(mesh).corners)
     return pictures(
         mesh, maps, cameras, light_path, size,
         exposure=exposure, rotation_deg=rotation_deg, background=background, supersample=supersample, on_frame=on_frame,

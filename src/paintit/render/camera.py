@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -65,6 +66,17 @@ def look_at(
     toward = torch.stack([elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()], -1)
     centre = torch.tensor(target, dtype=azimuth.dtype).expand_as(toward)
     return Cameras(centre + radius * toward, centre, azimuth, elevation, fov)
+
+
+def fitted(cameras: Cameras, points: Tensor, fill: float = 0.92) -> Cameras:
+    """The same cameras with the one field of view in which ``points`` (..., 3) reach ``fill`` of the way from the
+    middle of the frame to its edge, in the view where they reach farthest. No point may be beside or behind an eye."""
+    slope, points = 0.0, points.reshape(-1, 3)
+    for eye, right, up, backward in zip(cameras.eye, *cameras.frame(), strict=True):
+        offset = points - eye.to(points)
+        across = torch.maximum((offset @ right.to(points)).abs(), (offset @ up.to(points)).abs())
+        slope = max(slope, float((across / -(offset @ backward.to(points))).max()))
+    return dataclasses.replace(cameras, fov=2 * math.atan(slope / fill))
 
 
 def orbit(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import math
 import os
 import re
 import tempfile
@@ -13,15 +12,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import torch
 from PIL import Image
-from torch import Tensor
 
 from paintit.errors import OutputError, RunError, StudyError
 from paintit.export.preview import RADIUS, pictures, sheet
 from paintit.export.read_maps import read_emission, read_occlusion
 from paintit.files import make_folder, output_error
-from paintit.render.camera import Cameras, orbit
+from paintit.render.camera import fitted, orbit
 from paintit.render.geometry import Geometry
 from paintit.run.asset import Asset, load_asset
 from paintit.run.folder import find
@@ -32,8 +29,6 @@ from paintit.texture.fixed import grey
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 ASSETS = (".glb", ".gltf")
-#: Part of the picture's half side that the mesh may reach.
-FILL = 0.92
 
 
 @dataclass(frozen=True)
@@ -219,7 +214,8 @@ class _Stage:
 
     def __init__(self, asset: Asset, look: Look) -> None:
         self._asset, self._look = asset, look
-        self._cameras = _close(Geometry.from_mesh(asset.mesh).corners, look)
+        around = orbit(look.views, look.elevation, RADIUS, 0.0, look.azimuth)
+        self._cameras = fitted(around, Geometry.from_mesh(asset.mesh).corners)
 
     def render(self, asset: Asset) -> Image.Image:
         mesh, side = asset.mesh, asset.maps.size[0]
@@ -233,16 +229,6 @@ class _Stage:
         maps = grey(self._asset.maps.layers, 8)
         images = pictures(self._asset.mesh, maps, self._cameras, self._look.light, self._look.size)
         return sheet(images, len(images))
-
-
-def _close(points: Tensor, look: Look) -> Cameras:
-    """Cameras at the usual distance, with the field of view in which ``points`` (..., 3) nearly fill every view."""
-    cameras = orbit(look.views, look.elevation, RADIUS, 0.0, look.azimuth)
-    right, up, backward = cameras.frame()
-    offset = points.reshape(-1, 1, 3) - cameras.eye
-    across = torch.stack([(offset * axis).sum(-1) for axis in (right, up)]).abs().amax(0)
-    slope = (across / -(offset * backward).sum(-1)).max().item()
-    return dataclasses.replace(cameras, fov=2 * math.atan(slope / FILL))
 
 
 def _is_picture(path: Path) -> bool:
