@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,7 +11,7 @@ import pytest
 
 from paintit.config import PAPER, POCKET, PRESETS, FocusConfig, PaintConfig, preset, to_dict
 from paintit.errors import UsageError
-from paintit.settings import CHANNELS, dump_toml, from_dict, load_toml, merge, names, nearest, validate
+from paintit.settings import CHANNELS, dump_toml, from_dict, load_toml, merge, names, nearest, same_settings, validate
 
 UNUSUAL = merge(
     PAPER,
@@ -161,3 +162,13 @@ def test_channels_are_those_of_the_prior_contract() -> None:
     from paintit.guidance.prior import ReadChannel
 
     assert get_args(ReadChannel) == CHANNELS
+
+
+def test_settings_of_an_older_version_are_the_same_where_the_new_ones_stand_at_their_defaults() -> None:
+    now = json.loads(json.dumps(to_dict(preset("pocket"))))
+    older = json.loads(json.dumps(now))
+    del older["limits"], older["method"], older["optim"]["decay"]
+    assert same_settings(older, now)
+    assert not same_settings(older, now | {"method": "projection"})
+    assert not same_settings(older, now | {"seed": 1})
+    assert not same_settings(older | {"gone": 1}, now)

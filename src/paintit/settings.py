@@ -28,6 +28,14 @@ def from_dict(data: Mapping[str, Any], base: PaintConfig = POCKET) -> PaintConfi
     return config
 
 
+def same_settings(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two nested dicts say the same, a setting that one of them does not know yet standing at its default."""
+    try:
+        return from_dict(one, PaintConfig()) == from_dict(other, PaintConfig())
+    except UsageError:  # a setting that is no more
+        return one == other
+
+
 def merge(base: PaintConfig, changes: Mapping[str, Any]) -> PaintConfig:
     """``base`` with dotted keys replaced: ``merge(POCKET, {"optim.steps": 20})``. Errors as ``from_dict``."""
     nested: dict[str, Any] = {}

@@ -23,6 +23,7 @@ from paintit.config import PaintConfig, preset, to_dict
 from paintit.export.finish import finish
 from paintit.guidance.pocket import PocketPrior
 from paintit.paint.painter import Painter
+from paintit.settings import same_settings
 from paintit.texture.maps import TextureMaps
 from paintit.variants import apply
 
@@ -124,10 +125,10 @@ def claim(folder: Path, record: dict[str, Any]) -> None:
     """
     file = folder / "settings.json"
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(record, indent=1)
     if not file.exists():
-        _write(file, text.encode())
-    if json.loads(file.read_text()) != json.loads(text):
+        _write(file, json.dumps(record, indent=1).encode())
+    known, given = json.loads(file.read_text()), json.loads(json.dumps(record))
+    if not same_settings(known.pop("config", {}), given.pop("config", {})) or known != given:
         raise ValueError(f"'{folder}' holds cells of other settings or weights: choose another --out")
 
 

@@ -20,6 +20,7 @@ from paintit.analyze.frequency import Curve
 from paintit.errors import OutputError, UsageError
 from paintit.export.image import quantize
 from paintit.files import atomic
+from paintit.settings import same_settings
 
 #: Raised when a field of ``frequency.json`` is renamed or removed; adding one is free.
 SCHEMA = "paintit.frequency/1"
@@ -48,7 +49,7 @@ class CurveFolder:
         path = self._curve(variant, seed)
         try:
             data = json.loads(path.read_text("utf-8"))
-            same = data["key"] == self.key and data["settings"] == json.loads(json.dumps(settings))
+            same = data["key"] == self.key and same_settings(data["settings"], settings)
             curve = Curve.from_dict(data["curve"])
         except FileNotFoundError:
             return None
