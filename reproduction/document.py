@@ -78,7 +78,7 @@ Written by `make reproduce` on {results["date"]} from `reproduction/results.json
 
 def _comparison(one: Mapping[str, Any]) -> str:
     seeds, budget = one["seeds"], one["budget"]
-    cells = (
+    what = (
         f"{len(one['prompts'])} prompts x {len(one['meshes'])} meshes ({', '.join(one['meshes'])}) x {_seeds(seeds)}"
     )
     spread = "± is the standard deviation of the seeds' means" if len(seeds) > 1 else "one seed, so no spread is known"
@@ -98,7 +98,7 @@ def _comparison(one: Mapping[str, Any]) -> str:
         rows.append([title, str(budget["steps"].get(name, "")), *cells, paper])
     return f"""## Tables 1 and S1: which parameterisation
 
-{cells}; each method for the same {budget["seconds"]:g} s of one core, at
+{what}; each method for the same {budget["seconds"]:g} s of one core, at
 its own best learning rate (`docs/design/parameterisations.md`); {spread}. The
 steps were found by timing each method on a quiet machine; projection's are views.
 
@@ -117,9 +117,9 @@ def _frequency(one: Mapping[str, Any], name: str) -> str:
     fitting = name == "fitting"
     title = "Figures 4a, 4b and S5: fitting a texture" if fitting else "Figures 4c, 4d and S6: painting by guidance"
     task = (
-        f"fitting `{one['subject'].get('image')}`"
+        f"Fitting `{one['subject'].get('image')}`"
         if fitting
-        else f'painting {one["subject"].get("mesh")}, "{one["subject"].get("prompt")}"'
+        else f'Painting {one["subject"].get("mesh")}, "{one["subject"].get("prompt")}"'
     )
     key = "half_fitted_step" if fitting else "half_power_step"
     asked = "has fitted half of the target's power" if fitting else "reaches half of its final power, to stay above it"
