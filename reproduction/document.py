@@ -19,6 +19,8 @@ PAPER_FID = {
     "projection": 37.89,
 }
 PAPER_NOTE = {"points": "Fantasia3D", "projection": "Text2Tex; TEXTure 38.40"}
+#: Rows that no method makes.
+NO_METHOD = {TRUTH: "*another draw of the truth*", EVEN: "*the true mean everywhere*"}
 #: Supp. A.2.
 PAPER_RATIOS = "2.19, 1.79, 1.78, 1.67, 1.00"
 FINDINGS = Path(__file__).parent / "findings.md"
@@ -78,24 +80,14 @@ Written by `make reproduce` on {results["date"]} from `reproduction/results.json
 
 def _comparison(one: Mapping[str, Any]) -> str:
     seeds, budget = one["seeds"], one["budget"]
-    what = (
-        f"{len(one['prompts'])} prompts x {len(one['meshes'])} meshes ({', '.join(one['meshes'])}) x {_seeds(seeds)}"
-    )
+    what = f"{len(one['prompts'])} prompts x {len(one['meshes'])} meshes ({', '.join(one['meshes'])}) x {_seeds(seeds)}"
     spread = "± is the standard deviation of the seeds' means" if len(seeds) > 1 else "one seed, so no spread is known"
     head = ["method", "steps", *(title for title, _ in COLUMNS.values()), "FID in the paper"]
     rows = []
     for name in (TRUTH, *(v for v in VARIANTS if v in one["methods"]), EVEN):
         figures = one["methods"][name]
-        title = {TRUTH: "*another draw of the truth*", EVEN: "*the true mean everywhere*"}.get(name) or VARIANTS[
-            name
-        ].title
         cells = [_number(figures[key], digits) for key, (_, digits) in COLUMNS.items()]
-        paper = (
-            f"{PAPER_FID[name]:.2f}" + (f" ({PAPER_NOTE[name]})" if name in PAPER_NOTE else "")
-            if name in PAPER_FID
-            else ""
-        )
-        rows.append([title, str(budget["steps"].get(name, "")), *cells, paper])
+        rows.append([_title(name), str(budget["steps"].get(name, "")), *cells, _paper(name)])
     return f"""## Tables 1 and S1: which parameterisation
 
 {what}; each method for the same {budget["seconds"]:g} s of one core, at
@@ -111,6 +103,16 @@ error under an unseen light, plain prompts only. saturation: chroma over the tru
 `docs/design/seams.md`, 1 cannot be seen. baked: correlation of base colour and irradiance, unsigned; 0 is right.
 
 ![Each prompt on one mesh, by every method](img/reproduction-methods.jpg)"""
+
+
+def _title(name: str) -> str:
+    return NO_METHOD.get(name) or VARIANTS[name].title
+
+
+def _paper(name: str) -> str:
+    if name not in PAPER_FID:
+        return ""
+    return f"{PAPER_FID[name]:.2f}" + (f" ({PAPER_NOTE[name]})" if name in PAPER_NOTE else "")
 
 
 def _frequency(one: Mapping[str, Any], name: str) -> str:
