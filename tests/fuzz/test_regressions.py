@@ -25,6 +25,10 @@ def test_nothing_but_a_mesh_or_a_refusal(path: Path) -> None:
         check(path, unwrap=False)
 
 
+def test_what_no_corner_uses_may_be_anything() -> None:
+    check(REGRESSIONS / "unused_texture_coordinate_of_1e999.obj", unwrap=True)
+
+
 @pytest.mark.parametrize("name", ["triangle_of_1e-160.glb", "sliver_over_100000_repeats.glb"])
 def test_hostile_texture_coordinates_cost_next_to_nothing(name: str) -> None:
     tracemalloc.start()

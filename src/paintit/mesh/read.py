@@ -248,7 +248,9 @@ def _with_uvs(mesh: Mesh, unwrap: Unwrap) -> Mesh:
         for k, q in judged.items()
         if q.paintable and max(q.mirrored_overlap, q.distant_overlap) > 0.001
     ]
-    mesh = replace(mesh, report=replace(mesh.report, notes=mesh.report.notes + tuple(notes)))
+    # Those that are not finite are replaced now, or no corner uses them.
+    uvs = np.nan_to_num(mesh.uvs, nan=0.0, posinf=0.0, neginf=0.0)
+    mesh = replace(mesh, uvs=uvs, report=replace(mesh.report, notes=mesh.report.notes + tuple(notes)))
     if bad:
         return make_uvs(mesh, bad)
     return replace(mesh, tangents=mikktspace(mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, mesh.normals))
