@@ -129,6 +129,8 @@ class PromptConfig:
     """``{prompt}`` and, optionally, ``{view}`` (front, side, back, overhead) are filled in."""
     negative: str = "deformed, extra digit, fewer digits, cropped, worst quality, low quality, smoke"
     """What the unconditional half sees."""
+    source: str = "oversaturated, smooth, pixelated, cartoon, foggy, hazy, blurry, bad structure, noisy, malformed"
+    """What the loss ``bridge`` adds to each text to say how a paint looks so far; SDS-Bridge's own words."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,17 @@ class GuidanceConfig:
     """Range of t at the first step, fractions of the prior's schedule."""
     t_end: tuple[float, float] = (0.3, 0.5)
     """Range of t at the last step."""
+    timesteps: Literal["random", "non-increasing"] = "random"
+    """``random``: t is drawn from the range. ``non-increasing``: it falls evenly from the top of ``t_start`` to the
+    bottom of ``t_end``, by the square root of progress with the schedule ``official``."""
+    loss: Literal["sds", "csd", "nfsd", "bridge", "asd", "rfds"] = "sds"
+    """What is done with the predictions (docs/losses.md): ``sds`` as the paper; ``csd`` keeps what the words say, and
+    drops the noise; ``nfsd`` likewise, and moves away from the negative prompt; ``bridge`` moves away from the words of
+    ``prompt.source`` in the second half; ``asd`` takes away a prediction at a higher t; ``rfds`` for flow models."""
+    rescale: float = 0.0
+    """How far guidance is brought back to the spread of the unguided prediction, 0 to 1; 0.7 is usual."""
+    perp_neg: bool = False
+    """Take from the negative prompt only what is perpendicular to the prompt; one prediction more."""
     reads: tuple[str, ...] = ()
     """Channels to guide; empty: all that the prior reads."""
     placement: Literal["seed", "fixed"] = "seed"

@@ -13,7 +13,18 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from paintit.config import POCKET, FocusConfig, PaintConfig, TextureConfig, plain, preset, to_dict, word_for_none
+from paintit.config import (
+    POCKET,
+    FocusConfig,
+    GuidanceConfig,
+    PaintConfig,
+    PromptConfig,
+    TextureConfig,
+    plain,
+    preset,
+    to_dict,
+    word_for_none,
+)  # fmt: skip
 from paintit.errors import UsageError
 
 
@@ -187,6 +198,10 @@ def _focus(data: Mapping[str, Any], name: str) -> FocusConfig:
 
 #: What a prior can read (``guidance.prior.ReadChannel``, which this file may not import).
 CHANNELS = ("shaded", "base_color", "roughness", "metallic")
+#: What the paper of ``nfsd`` moves away from (2310.17590).
+NEGATIVE_EXAMPLE = (
+    "'unrealistic, blurry, low quality, out of focus, ugly, low contrast, dull, dark, low-resolution, gloomy'"
+)
 #: Lowest and highest allowed value (both allowed) of each bounded number, by dotted name.
 _LIMITS: dict[str, tuple[float, float]] = {
     "texture.size": (8, 8192),
@@ -208,6 +223,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "views.size": (8, 8192),
     "views.background": (0, 1),
     "guidance.scale": (-math.inf, math.inf),
+    "guidance.rescale": (0, 1),
     "optim.steps": (1, 10_000_000),
     "optim.decay": (0, 1),
     "optim.decay_every": (1, 10_000_000),
@@ -263,8 +279,9 @@ def validate(config: PaintConfig) -> None:
         a, b = _get(config, name)
         if not low <= a <= b <= high:
             _refuse(name, (a, b), f"it must be two numbers, the lower first, from {low} to {high}")
-    if config.method == "distillation":  # a projection has no network
+    if config.method == "distillation":  # a projection has neither network nor loss
         _validate_texture(config.texture)
+        _validate_loss(config.guidance, config.prompt)
     reads = config.guidance.reads
     if config.texture.maps == "base_color" and reads and not {"shaded", "base_color"} & set(reads):
         _refuse("guidance.reads", reads, "include shaded or base_color: texture.maps base_color learns nothing else")
@@ -282,6 +299,22 @@ def validate(config: PaintConfig) -> None:
             _refuse("guidance.reads", config.guidance.reads, f"choose from {', '.join(CHANNELS)}")
     if not config.guidance.prior.strip():
         _refuse("guidance.prior", config.guidance.prior, "name one; 'paintit priors list' shows them")
+
+
+def _validate_loss(guidance: GuidanceConfig, prompt: PromptConfig) -> None:
+    loss = guidance.loss
+    if guidance.rescale and loss in ("csd", "nfsd", "bridge"):
+        _refuse("guidance.rescale", guidance.rescale, f"it must be 0 with {loss}, which forms no guided prediction")
+    if guidance.perp_neg and loss in ("nfsd", "bridge"):
+        _refuse("guidance.perp_neg", True, f"it must be false with {loss}, which has its own use of negative words")
+    if (guidance.perp_neg or loss == "nfsd") and not prompt.negative.strip():
+        why = "perp_neg" if guidance.perp_neg else loss
+        _refuse("prompt.negative", prompt.negative, f"{why} needs words to move away from: {NEGATIVE_EXAMPLE}")
+    if loss == "bridge" and not prompt.source.strip():
+        _refuse("prompt.source", prompt.source, "bridge needs words for how a paint looks so far")
+    if guidance.timesteps == "non-increasing" and guidance.t_end[0] > guidance.t_start[1]:
+        remedy = f"with non-increasing timesteps its lowest must not be above {guidance.t_start[1]}, where they start"
+        _refuse("guidance.t_end", guidance.t_end, remedy)
 
 
 def _validate_texture(texture: TextureConfig) -> None:

@@ -1,4 +1,4 @@
-"""``inspect``, ``unwrap``, ``render``, ``export``, ``priors``, ``doctor`` on a painted cube."""
+"""``inspect``, ``unwrap``, ``render``, ``export``, ``doctor`` on a painted cube."""
 
 from __future__ import annotations
 
@@ -160,17 +160,6 @@ def test_export_a_run_that_was_stopped(cube: Path, here: Path, paintit: Callable
 
 def test_export_needs_an_output(painted: Path, paintit: Callable[..., Ran]) -> None:
     assert paintit("export", painted) == Ran(2, "", "error: no output is given; add -o chair.glb, or another name\n")
-
-
-def test_priors(paintit: Callable[..., Ran]) -> None:
-    from paintit.guidance.load import KNOWN
-
-    assert [entry["name"] for entry in data_of(paintit("priors", "list", "--json"))["priors"]] == list(KNOWN)
-    assert paintit("priors").out == paintit("priors", "list").out
-    assert data_of(paintit("priors", "show", "sd15", "--json"))["family"] == "stable-diffusion"
-    unknown = paintit("priors", "show", "sd51")
-    assert (unknown.code, unknown.out) == (1, "")
-    assert unknown.err.startswith("error: there is no prior 'sd51'; did you mean ")
 
 
 def test_doctor(paintit: Callable[..., Ran], here: Path) -> None:

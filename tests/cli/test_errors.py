@@ -95,8 +95,9 @@ CASES: dict[str, tuple[list[str], int, str]] = {
     ),
     "prior": (
         ["cube.obj", "red", "--prior", "pockt"], 1,
-        "error: there is no prior 'pockt'; did you mean pocket? known: pocket, sd21-base, sd21, sd2-depth, sd15; a "
-        "folder or a hub id OWNER/NAME also works",
+        "error: there is no prior 'pockt'; did you mean pocket? known: pocket, sd21-base, sd21, sd2-depth, sd15, "
+        "sdxl, sd3-medium, sd35-medium, sd35-large, klein-base, klein, z-image, z-image-turbo, deepfloyd-if; a folder "
+        "or a hub id OWNER/NAME also works",
     ),
     "unwritable, under a file": (
         ["cube.obj", "red", "-o", "notes.txt/x.glb"], 1,

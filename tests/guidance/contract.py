@@ -44,7 +44,8 @@ def check_prior(prior: Prior, *, text_matters: bool = True, size: int = 48) -> N
     weights = []
     for t in (0.02, 0.4, 0.98):
         alpha, sigma = _levels(prior, x, t)
-        assert abs(alpha**2 + sigma**2 - 1) < 1e-4
+        power = 1 if prior.spec.prediction_type == "flow" else 2
+        assert abs(alpha**power + sigma**power - 1) < 1e-4
         x_t = prior.add_noise(x, noise, t)
         assert torch.allclose(x_t, alpha * x + sigma * noise, atol=1e-4)
         assert torch.allclose((x_t - sigma * noise) / alpha, x, atol=1e-3), "x is got back from x_t and epsilon"
@@ -58,7 +59,7 @@ def check_prior(prior: Prior, *, text_matters: bool = True, size: int = 48) -> N
         assert torch.allclose(predicted[:1], one, atol=1e-4), "a view does not depend on the others"
         other = prior.predict_noise(x_t, t, text.flip(0), geometry)
         assert torch.equal(predicted, other) != text_matters
-        assert abs(prior.weight(t) - sigma**2) < 1e-4
+        assert abs(prior.weight(t) - sigma**2 / (alpha**2 + sigma**2)) < 1e-4
         weights.append(prior.weight(t))
     assert weights == sorted(weights)
     assert 0 < weights[0] < weights[-1] <= 1

@@ -14,9 +14,10 @@ from tests.guidance.tiny import save_tiny
 from torch.nn import functional
 
 from paintit.errors import PriorError
+from paintit.guidance.ddpm import to_epsilon
 from paintit.guidance.depth import relative_disparity
 from paintit.guidance.sds import sds_gradient
-from paintit.guidance.stable_diffusion import StableDiffusionPrior, to_epsilon
+from paintit.guidance.stable_diffusion import StableDiffusionPrior
 
 pytest.importorskip("diffusers")
 SCALING = 0.3

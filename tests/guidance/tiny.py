@@ -1,10 +1,12 @@
-"""Stable Diffusion in miniature: the real diffusers and transformers classes with small random weights."""
+"""Diffusion models in miniature: the real diffusers and transformers classes with small random weights."""
 
 from __future__ import annotations
 
+import io
 import json
 import string
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -14,8 +16,8 @@ def save_tiny(
 ) -> Path:
     """A text-to-image (or depth-to-image) checkpoint of a few hundred kilobytes in ``folder``; 32 pixels, latents of
     16 x 16."""
-    from diffusers import AutoencoderKL, DDIMScheduler, UNet2DConditionModel
-    from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
+    from diffusers import DDIMScheduler, UNet2DConditionModel
+    from transformers import CLIPTextConfig, CLIPTextModel
 
     with torch.random.fork_rng():
         torch.manual_seed(0)
@@ -30,38 +32,171 @@ def save_tiny(
             down_block_types=("CrossAttnDownBlock2D", "DownBlock2D"),
             up_block_types=("UpBlock2D", "CrossAttnUpBlock2D"),
         )
-        vae = AutoencoderKL(
-            block_out_channels=(8, 8),
-            down_block_types=("DownEncoderBlock2D",) * 2,
-            up_block_types=("UpDecoderBlock2D",) * 2,
-            norm_num_groups=4,
-            scaling_factor=scaling_factor,
-        )
-        words = [*string.ascii_lowercase, *(letter + "</w>" for letter in string.ascii_lowercase)]
-        vocabulary = {word: i for i, word in enumerate([*words, "<|startoftext|>", "<|endoftext|>"])}
-        text_encoder = CLIPTextModel(
-            CLIPTextConfig(
-                vocab_size=len(vocabulary),
-                hidden_size=16,
-                intermediate_size=32,
-                num_hidden_layers=2,
-                num_attention_heads=2,
-                max_position_embeddings=24,
-                bos_token_id=len(vocabulary) - 2,
-                eos_token_id=len(vocabulary) - 1,
-                pad_token_id=len(vocabulary) - 1,
-            )
-        )
+        vae = tiny_vae(scaling_factor)
+        text_encoder = CLIPTextModel(CLIPTextConfig(**CLIP))
     scheduler = DDIMScheduler(
         beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear", prediction_type=prediction_type
     )
-    for name, part in {"unet": unet, "vae": vae, "text_encoder": text_encoder, "scheduler": scheduler}.items():
+    parts = {"unet": unet, "vae": vae, "text_encoder": text_encoder, "scheduler": scheduler}
+    save_clip_tokenizer(folder / "tokenizer")
+    return _save(folder, "StableDiffusionDepth2ImgPipeline" if depth else "StableDiffusionPipeline", parts)
+
+
+def save_tiny_sdxl(
+    folder: Path, prediction_type: str = "epsilon", *, zeros: bool = True, vae: dict[str, Any] | None = None
+) -> Path:
+    """An SDXL checkpoint in ``folder``; 32 pixels, latents of 16 x 16.
+
+    Args:
+        zeros: ``force_zeros_for_empty_prompt``.
+        vae: further settings of the autoencoder.
+    """
+    from diffusers import EulerDiscreteScheduler, UNet2DConditionModel
+    from transformers import CLIPTextConfig, CLIPTextModel, CLIPTextModelWithProjection
+
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        parts = {
+            "unet": UNet2DConditionModel(
+                sample_size=16,
+                block_out_channels=(8, 16),
+                layers_per_block=1,
+                norm_num_groups=4,
+                attention_head_dim=(2, 4),
+                use_linear_projection=True,
+                transformer_layers_per_block=(1, 2),
+                cross_attention_dim=16 + 24,
+                addition_embed_type="text_time",
+                addition_time_embed_dim=8,
+                projection_class_embeddings_input_dim=6 * 8 + 20,
+                down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
+                up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
+            ),
+            "vae": tiny_vae(**({"scaling_factor": 0.2} | (vae or {}))),
+            "text_encoder": CLIPTextModel(CLIPTextConfig(**CLIP)),
+            "text_encoder_2": CLIPTextModelWithProjection(
+                CLIPTextConfig(**CLIP | {"hidden_size": 24, "projection_dim": 20})
+            ),
+            "scheduler": EulerDiscreteScheduler(
+                beta_start=0.00085,
+                beta_end=0.012,
+                beta_schedule="scaled_linear",
+                prediction_type=prediction_type,
+                timestep_spacing="leading",
+                steps_offset=1,
+            ),
+        }
+    for name in ("tokenizer", "tokenizer_2"):
+        save_clip_tokenizer(folder / name)
+    return _save(folder, "StableDiffusionXLPipeline", parts, force_zeros_for_empty_prompt=zeros)
+
+
+def save_tiny_if(folder: Path) -> Path:
+    """A DeepFloyd IF checkpoint (stage I) in ``folder``; 16 pixels, tokens by SentencePiece as in the real one."""
+    from diffusers import DDPMScheduler, UNet2DConditionModel
+    from transformers import T5Config, T5EncoderModel
+
+    vocabulary = 36
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        parts = {
+            "unet": UNet2DConditionModel(
+                sample_size=16,
+                in_channels=3,
+                out_channels=6,
+                block_out_channels=(8, 16),
+                layers_per_block=1,
+                norm_num_groups=4,
+                attention_head_dim=4,
+                cross_attention_dim=32,
+                encoder_hid_dim=16,
+                addition_embed_type="text",
+                addition_embed_type_num_heads=2,
+                cross_attention_norm="group_norm",
+                resnet_time_scale_shift="scale_shift",
+                act_fn="gelu",
+                down_block_types=("ResnetDownsampleBlock2D", "SimpleCrossAttnDownBlock2D"),
+                mid_block_type="UNetMidBlock2DSimpleCrossAttn",
+                up_block_types=("SimpleCrossAttnUpBlock2D", "ResnetUpsampleBlock2D"),
+            ),
+            "text_encoder": T5EncoderModel(
+                T5Config(vocab_size=vocabulary, d_model=16, d_kv=8, d_ff=32, num_layers=2, num_heads=2)
+            ),
+            "scheduler": DDPMScheduler(
+                beta_schedule="squaredcos_cap_v2",
+                variance_type="learned_range",
+                prediction_type="epsilon",
+                thresholding=True,
+                dynamic_thresholding_ratio=0.95,
+                sample_max_value=1.5,
+            ),
+        }
+    save_t5_tokenizer(folder / "tokenizer", vocabulary)
+    return _save(folder, "IFPipeline", parts)
+
+
+_LETTERS = [*string.ascii_lowercase, *(letter + "</w>" for letter in string.ascii_lowercase)]
+_VOCABULARY = {word: i for i, word in enumerate([*_LETTERS, "<|startoftext|>", "<|endoftext|>"])}
+#: A CLIP text encoder of two layers for :func:`save_clip_tokenizer`.
+CLIP: dict[str, Any] = {
+    "vocab_size": len(_VOCABULARY),
+    "hidden_size": 16,
+    "intermediate_size": 32,
+    "num_hidden_layers": 2,
+    "num_attention_heads": 2,
+    "max_position_embeddings": 24,
+    "bos_token_id": len(_VOCABULARY) - 2,
+    "eos_token_id": len(_VOCABULARY) - 1,
+    "pad_token_id": len(_VOCABULARY) - 1,
+}
+
+
+def tiny_vae(scaling_factor: float, **config: Any) -> Any:
+    """A KL autoencoder with one halving and four latent channels."""
+    from diffusers import AutoencoderKL
+
+    return AutoencoderKL(
+        block_out_channels=(8, 8),
+        down_block_types=("DownEncoderBlock2D",) * 2,
+        up_block_types=("UpDecoderBlock2D",) * 2,
+        norm_num_groups=4,
+        scaling_factor=scaling_factor,
+        **config,
+    )
+
+
+def save_clip_tokenizer(folder: Path) -> None:
+    """One token per letter, 24 at most."""
+    from transformers import CLIPTokenizer
+
+    folder.mkdir(parents=True)
+    (folder / "vocab.json").write_text(json.dumps(_VOCABULARY))
+    (folder / "merges.txt").write_text("#version: 0.2\n")
+    CLIPTokenizer(str(folder / "vocab.json"), str(folder / "merges.txt"), model_max_length=24).save_pretrained(folder)
+
+
+def save_t5_tokenizer(folder: Path, size: int) -> None:
+    """``spiece.model`` with ``size`` pieces, trained on a pangram, and nothing that was converted from it."""
+    from sentencepiece import SentencePieceTrainer
+
+    model = io.BytesIO()
+    SentencePieceTrainer.train(
+        sentence_iterator=iter(["the quick brown fox jumps over the lazy dog", *string.ascii_lowercase] * 4),
+        model_writer=model,
+        vocab_size=size,
+        pad_id=0,
+        eos_id=1,
+        unk_id=2,
+        bos_id=-1,
+        minloglevel=2,
+    )
+    folder.mkdir(parents=True)
+    (folder / "spiece.model").write_bytes(model.getvalue())
+    (folder / "tokenizer_config.json").write_text(json.dumps({"tokenizer_class": "T5Tokenizer", "extra_ids": 0}))
+
+
+def _save(folder: Path, pipeline: str, parts: dict[str, Any], **index: Any) -> Path:
+    for name, part in parts.items():
         part.save_pretrained(folder / name)
-    tokens = folder / "tokenizer"
-    tokens.mkdir()
-    (tokens / "vocab.json").write_text(json.dumps(vocabulary))
-    (tokens / "merges.txt").write_text("#version: 0.2\n")
-    CLIPTokenizer(str(tokens / "vocab.json"), str(tokens / "merges.txt"), model_max_length=24).save_pretrained(tokens)
-    pipeline = "StableDiffusionDepth2ImgPipeline" if depth else "StableDiffusionPipeline"
-    (folder / "model_index.json").write_text(json.dumps({"_class_name": pipeline}))
+    (folder / "model_index.json").write_text(json.dumps({"_class_name": pipeline, **index}))
     return folder

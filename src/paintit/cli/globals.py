@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-GLOBAL_FLAGS = ("--version", "-v", "--verbose", "-q", "--quiet", "--json", "--no-color")
+GLOBAL_FLAGS = ("--version", "-v", "--verbose", "-q", "--quiet", "--json", "--offline", "--no-color")
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,8 @@ class Globals:
     verbose: bool = False
     quiet: bool = False
     json: bool = False
+    offline: bool = False
+    """Nothing is fetched, whatever else is asked."""
     no_color: bool = False
 
 
@@ -26,6 +28,7 @@ _FIELDS = {
     "-q": "quiet",
     "--quiet": "quiet",
     "--json": "json",
+    "--offline": "offline",
     "--no-color": "no_color",
 }
 

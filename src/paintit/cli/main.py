@@ -27,7 +27,7 @@ COMMANDS = {
     "export": "write a run or an asset as GLB, glTF, OBJ or PNG maps",
     "evaluate": "score painted assets: beside a reference, and without one",
     "analyze": "rerun the paper's analysis: frequencies learned over time, agreement of gradients",
-    "priors": "list the diffusion priors, or show one",
+    "priors": "list the diffusion priors, show one, or download one",
     "study": "ask people how realistic results look, and report what they said",
     "objaverse": "download meshes of Objaverse by a list of ids, with their licences",
     "doctor": "check versions, devices and caches, and paint a toy",
@@ -46,6 +46,7 @@ flags of every command:
   -v, --verbose   show the whole traceback of an error
   -q, --quiet     errors only
   --json          one JSON document on stdout
+  --offline       fetch nothing
   --no-color      plain text (NO_COLOR is respected too)
 
 example:
@@ -103,6 +104,8 @@ def _run(command: str, arguments: list[str], console: Console) -> int:
     module = import_module(f"paintit.cli.{command}_command")
     if "-h" in arguments or "--help" in arguments:
         return _help(module, arguments, console)
+    if console.settings.offline and "--allow-download" in arguments:
+        raise UsageError("usage.conflict", "--offline and --allow-download contradict each other", "leave one out")
     with warnings.catch_warnings():
         if not console.settings.verbose:
             warnings.simplefilter("ignore")

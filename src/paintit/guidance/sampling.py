@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from paintit.errors import PriorError
-from paintit.guidance.prior import Decoder, Prior
+from paintit.guidance.prior import Decoder, Prior, signal_and_noise
 
 
 class SamplingPrior(Prior, Decoder, Protocol):
@@ -113,7 +113,7 @@ def sample(
         if known is not None:
             x = torch.where(t > known.free_below, prior.add_noise(known.x, noise, t), x)
         epsilon = _guided(prior, x, t, text, uncond, geometry, scale)
-        alpha, sigma = _alpha_sigma(prior, x, t)
+        alpha, sigma = signal_and_noise(prior, x, t)
         clean = (x - sigma * epsilon) / alpha
         if math.isfinite(prior.bound):
             clean = clean.clamp(-prior.bound, prior.bound)
@@ -121,7 +121,7 @@ def sample(
         if following == 0:
             x = clean
             break
-        ahead, rest = _alpha_sigma(prior, x, following)
+        ahead, rest = signal_and_noise(prior, x, following)
         fresh = eta * rest / sigma * math.sqrt(max(1 - (alpha / ahead) ** 2, 0))
         if fresh:
             noise = torch.randn(x.shape, generator=generator).to(x)
@@ -142,9 +142,3 @@ def _guided(
     )
     without, with_text = both.chunk(2)
     return without + scale * (with_text - without)
-
-
-def _alpha_sigma(prior: Prior, like: Tensor, t: float) -> tuple[float, float]:
-    """alpha(t) and sigma(t), from what the prior does to a one and to a zero."""
-    one, zero = like.new_ones(1), like.new_zeros(1)
-    return float(prior.add_noise(one, zero, t)), float(prior.add_noise(zero, one, t))

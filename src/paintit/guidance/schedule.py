@@ -6,6 +6,7 @@ import math
 
 import torch
 
+from paintit.config import GuidanceConfig
 from paintit.errors import UsageError
 
 #: Lowest and highest t, fractions of the prior's training schedule.
@@ -47,7 +48,33 @@ def timestep_range(schedule: str, progress: float, t_start: Range, t_end: Range)
     return low, high
 
 
+def falling_t(schedule: str, progress: float, t_start: Range, t_end: Range) -> float:
+    """t that never rises: the top of ``t_start`` at progress 0, the bottom of ``t_end`` at 1 (DreamTime 2306.12422).
+
+    ``paper`` moves it linearly; ``official`` linearly in the square root of progress, which is HiFA's annealing
+    (2305.18766). DreamTime's own pace weighs the levels by constants found for one model's training schedule; here
+    the range says how far, and the schedule how fast.
+
+    >>> [round(falling_t("paper", p, (0.2, 0.98), (0.3, 0.5)), 3) for p in (0.0, 0.25, 1.0)]
+    [0.98, 0.81, 0.3]
+
+    Raises:
+        UsageError: as :func:`timestep_range`.
+    """
+    timestep_range(schedule, progress, t_start, t_end)
+    highest, lowest = t_start[1], t_end[0]
+    return timestep_range(schedule, progress, (highest, highest), (lowest, lowest))[0]
+
+
 def sample_t(bounds: Range, generator: torch.Generator) -> float:
     """One t ~ U(low, high), drawn on the CPU; shared by all views of a step (supp. A.2)."""
     low, high = bounds
     return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
+
+
+def choose_t(guidance: GuidanceConfig, progress: float, generator: torch.Generator) -> float:
+    """t of the step at ``progress``; ``generator`` is drawn from only where timesteps are random."""
+    settings = guidance.schedule, progress, guidance.t_start, guidance.t_end
+    if guidance.timesteps == "non-increasing":
+        return falling_t(*settings)
+    return sample_t(timestep_range(*settings), generator)

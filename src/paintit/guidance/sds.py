@@ -66,14 +66,14 @@ def sds_gradient(
         )
         without, with_text = both.chunk(2)
         direction = with_text - without
-        predicted, text_norm = without + scale * direction, _norm(direction)
+        predicted, text_norm = without + scale * direction, norm(direction)
     finite = predicted.isfinite()
     weight = prior.weight(t)
     gradient = torch.where(finite, weight * (predicted - noise), 0.0)
-    record = SdsRecord(t, weight, _norm(gradient), text_norm, int((~finite).sum()))
+    record = SdsRecord(t, weight, norm(gradient), text_norm, int((~finite).sum()))
     return gradient, record
 
 
-def _norm(x: Tensor) -> float:
+def norm(x: Tensor) -> float:
     """L2 norm, summed in float64; NaN and infinite entries count as 0."""
     return torch.nan_to_num(x.double(), nan=0.0, posinf=0.0, neginf=0.0).norm().item()

@@ -3,10 +3,6 @@ folder, safetensors only."""
 
 from __future__ import annotations
 
-import hashlib
-import importlib
-import json
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from paintit.errors import PriorError
+from paintit.guidance import hub
+from paintit.guidance.autoencoder import LatentCodec
+from paintit.guidance.ddpm import DdpmPrior, prediction_of, report_cut, token_ids
 from paintit.guidance.depth import relative_disparity
-from paintit.guidance.prior import PriorSpec, ReadChannel, SeeChannel
+from paintit.guidance.families import FAMILIES
+from paintit.guidance.prior import PriorSpec
 
 if TYPE_CHECKING:
     from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
@@ -26,25 +25,8 @@ if TYPE_CHECKING:
     from diffusers.schedulers.scheduling_ddim import DDIMScheduler
     from transformers import CLIPTextModel, CLIPTokenizer
 
-log = logging.getLogger(__name__)
 
-#: Pipelines whose parts are one U-Net, one KL autoencoder and one CLIP text encoder.
-PIPELINES = ("StableDiffusionPipeline", "StableDiffusionImg2ImgPipeline", "StableDiffusionDepth2ImgPipeline")
-#: Folder of each part that holds weights -> the stem of its weight file.
-WEIGHTS = {"unet": "diffusion_pytorch_model", "vae": "diffusion_pytorch_model", "text_encoder": "model"}
-#: What is fetched of a hub repository: the parts in one precision, not its single-file copies.
-FILES = (
-    "model_index.json",
-    "scheduler/*",
-    "tokenizer/*",
-    *(f"{part}/config.json" for part in WEIGHTS),
-    *(f"{part}/{stem}{ending}" for part, stem in WEIGHTS.items() for ending in (".safetensors", "-0*.safetensors")),
-    *(f"{part}/{stem}.safetensors.index.json" for part, stem in WEIGHTS.items()),
-)
-DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16, "float64": torch.float64}
-
-
-class StableDiffusionPrior:
+class StableDiffusionPrior(DdpmPrior):
     """A latent diffusion model behind the :class:`~paintit.guidance.prior.Prior` contract.
 
     Reads ``shaded`` alone; sees no geometry, or, where the U-Net takes one channel more than the latents have (the
@@ -56,8 +38,6 @@ class StableDiffusionPrior:
         chunk: most latents that go through the U-Net at once, to save memory; 0 for no limit.
     """
 
-    reads: tuple[ReadChannel, ...] = ("shaded",)
-    sees: tuple[SeeChannel, ...] = ()
     bound: float = math.inf
 
     def __init__(
@@ -74,37 +54,28 @@ class StableDiffusionPrior:
         chunk: int = 0,
     ) -> None:
         # diffusers' configs are attribute dictionaries that its annotations do not describe.
-        unet_config: Any = unet.config
-        vae_config: Any = vae.config
-        prediction_type = str(scheduler.config["prediction_type"])
-        if prediction_type not in ("epsilon", "v_prediction", "sample"):
-            raise PriorError("prior.prediction", f"'{id}' predicts '{prediction_type}'", "choose an epsilon or v model")
-        latent = vae_config.latent_channels
-        if unet_config.in_channels not in (latent, latent + 1):
+        config: Any = unet.config
+        self.codec = LatentCodec(vae)
+        latent = self.codec.channels
+        if config.in_channels not in (latent, latent + 1):
             raise PriorError(
                 "prior.kind",
-                f"the U-Net of '{id}' takes {unet_config.in_channels} channels, not {latent} (or {latent + 1}: depth)",
+                f"the U-Net of '{id}' takes {config.in_channels} channels, not {latent} (or {latent + 1}: depth)",
                 "choose a text-to-image or depth-to-image checkpoint, not one for inpainting",
             )
-        if unet_config.in_channels > latent:
+        if config.in_channels > latent:
             self.sees = ("depth", "mask")
         self.unet, self.vae, self.text_encoder, self.tokenizer = unet, vae, text_encoder, tokenizer
-        for model in (unet, vae, text_encoder):
-            model.requires_grad_(False).eval()
-        self.chunk = chunk
-        self.scaling_factor = float(vae_config.scaling_factor)
-        self._factor = 2 ** (len(vae_config.block_out_channels) - 1)
-        self.alphas_cumprod: list[float] = scheduler.alphas_cumprod.double().tolist()
-        self._texts: dict[str, Tensor] = {}
-        self.spec = PriorSpec(
+        spec = PriorSpec(
             id=id,
             family="stable-diffusion",
             revision=revision,
             licence=licence,
-            resolution=_side(unet_config.sample_size) * self._factor,
-            prediction_type=prediction_type,
+            resolution=_side(config.sample_size) * self.codec.factor,
+            prediction_type=prediction_of(scheduler, id),
             guidance_scale=101.0,
         )
+        super().__init__(spec, scheduler, (unet, vae, text_encoder), chunk)
 
     @classmethod
     def load(
@@ -129,261 +100,52 @@ class StableDiffusionPrior:
         Raises:
             PriorError: the extra is not installed, the checkpoint is not there, or it is of another kind.
         """
-        _require_extra()
+        hub.require_extra("Stable Diffusion")
         import diffusers
         import transformers
 
-        local = Path(source).expanduser()
-        folder = local if local.is_dir() else _snapshot(str(source), revision, allow_download)
-        try:
-            variant = _check(folder, str(source))
-        except PriorError as error:
-            if error.code == "prior.weights" and folder != local and not allow_download:
-                raise _not_cached(str(source), revision) from error
-            raise
-        device = torch.device(device)
-        precision = _precision(device, dtype)
-        vae_precision = torch.float32 if precision == torch.float16 else precision
-        options: dict[str, Any] = {"use_safetensors": True, "variant": variant, "local_files_only": True}
-        hub: Any = diffusers
-        clip: Any = transformers
-        progress_bar = clip.utils.logging.is_progress_bar_enabled()
-        clip.utils.logging.disable_progress_bar()
-        try:
-            unet = hub.UNet2DConditionModel.from_pretrained(folder, subfolder="unet", torch_dtype=precision, **options)
-            vae = hub.AutoencoderKL.from_pretrained(folder, subfolder="vae", torch_dtype=vae_precision, **options)
-            text_encoder = clip.CLIPTextModel.from_pretrained(
-                folder, subfolder="text_encoder", dtype=precision, **options
-            )
-            tokenizer = clip.CLIPTokenizer.from_pretrained(folder, subfolder="tokenizer", local_files_only=True)
-            scheduler = hub.DDIMScheduler.from_pretrained(folder, subfolder="scheduler", local_files_only=True)
-        except Exception as error:
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-            raise PriorError(
-                "prior.load", f"'{source}' cannot be loaded: {reason}", "fetch it again; a file may be cut short"
-            ) from error
-        finally:
-            if progress_bar:
-                clip.utils.logging.enable_progress_bar()
+        family = FAMILIES["stable-diffusion"]
+        found = hub.open_checkpoint(source, family, revision=revision, allow_download=allow_download)
+        place = torch.device(device)
+        precision = hub.precision(place, dtype)
+        parts: Any = diffusers
+        texts: Any = transformers
         return cls(
-            unet.to(device),
-            vae.to(device),
-            text_encoder.to(device),
-            tokenizer,
-            scheduler,
-            id=str(source),
-            revision=folder.name if folder != local else _fingerprint(folder, variant),
+            found.part(parts.UNet2DConditionModel, "unet", precision).to(place),
+            found.part(parts.AutoencoderKL, "vae", hub.vae_precision(precision)).to(place),
+            found.part(texts.CLIPTextModel, "text_encoder", precision).to(place),
+            found.part(texts.CLIPTokenizer, "tokenizer"),
+            found.part(parts.DDIMScheduler, "scheduler"),
+            id=found.id,
+            revision=found.revision,
             licence=licence,
             chunk=chunk,
         )
 
-    @torch.no_grad()
-    def encode_text(self, prompts: Sequence[str]) -> Tensor:
-        """(n, tokens, d) CLIP embeddings; each distinct prompt is encoded once and kept."""
-        for prompt in dict.fromkeys(prompts):
-            if prompt not in self._texts:
-                self._texts[prompt] = self.text_encoder(self._tokens(prompt).to(self.text_encoder.device))[0]
-        return torch.cat([self._texts[prompt] for prompt in prompts])
-
-    def _tokens(self, prompt: str) -> Tensor:
-        """(1, 77) token ids, padded; what does not fit is cut, with a warning."""
+    def _encode(self, prompt: str) -> Tensor:
+        """(1, 77, d) hidden states of CLIP."""
         limit = self.tokenizer.model_max_length
-        ids = self.tokenizer(prompt, padding="max_length", max_length=limit, truncation=True).input_ids
-        needed = len(self.tokenizer(prompt).input_ids)
-        if needed > limit:
-            log.warning("the prompt takes %d tokens, of which %s reads %d: '%s'", needed, self.spec.id, limit, prompt)
-        return torch.tensor([ids])
+        report_cut(self.tokenizer, prompt, limit, self.spec.id)
+        ids = token_ids(self.tokenizer, prompt, limit).input_ids
+        return self.text_encoder(ids.to(self.text_encoder.device))[0]
+
+    def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
+        return self.unet(inputs.to(self.unet.dtype), timestep, text.to(self.unet.dtype)).sample
 
     def encode_image(self, channels: Mapping[str, Tensor]) -> Tensor:
         """``shaded`` (n, h, w, 3), sRGB-coded in [0, 1] -> latents (n, 4, resolution / 8, resolution / 8) float32."""
-        image = channels["shaded"].permute(0, 3, 1, 2)
-        size = (self.spec.resolution, self.spec.resolution)
-        if image.shape[-2:] != size:
-            image = functional.interpolate(image, size, mode="bilinear", antialias=True)
-        encoded: Any = self.vae.encode((2 * image - 1).to(self.vae.device, self.vae.dtype))
-        latents = self.scaling_factor * encoded.latent_dist.mean
-        return latents.to(torch.promote_types(latents.dtype, torch.float32))
+        return self.codec.encode(channels["shaded"], self.spec.resolution)
 
-    @torch.no_grad()
     def decode_image(self, x: Tensor) -> dict[str, Tensor]:
         """Latents (n, 4, h, w) -> ``shaded`` (n, 8 h, 8 w, 3) in [0, 1]."""
-        latents: Any = (x / self.scaling_factor).to(self.vae.device, self.vae.dtype)
-        image: Any = torch.cat([self.vae.decode(part, return_dict=False)[0] for part in latents.split(1)])
-        return {"shaded": ((image.movedim(1, -1) + 1) / 2).clamp(0, 1).to(x)}
+        return {"shaded": self.codec.decode(x)}
 
     @torch.no_grad()
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
         """None, or inverse depth (n, 1, resolution / 8, resolution / 8), see :func:`depth.relative_disparity`."""
         if not self.sees:
             return None
-        return relative_disparity(channels["depth"], channels["mask"], self.spec.resolution // self._factor)
-
-    def timestep(self, t: float) -> int:
-        """The training timestep nearest to the fraction t of the schedule."""
-        return min(round(t * len(self.alphas_cumprod)), len(self.alphas_cumprod) - 1)
-
-    def alpha_sigma(self, t: float) -> tuple[float, float]:
-        """sqrt(alphabar) and sqrt(1 - alphabar)."""
-        alphabar = self.alphas_cumprod[self.timestep(t)]
-        return alphabar**0.5, (1 - alphabar) ** 0.5
-
-    def add_noise(self, x: Tensor, noise: Tensor, t: float) -> Tensor:
-        alpha, sigma = self.alpha_sigma(t)
-        return alpha * x + sigma * noise
-
-    @torch.no_grad()
-    def predict_noise(self, x_t: Tensor, t: float, text: Tensor, geometry: Tensor | None = None) -> Tensor:
-        """epsilon-hat, in the type of ``x_t``, whatever the model predicts.
-
-        Raises:
-            ValueError: there is no ``geometry``, and the model sees depth.
-        """
-        if bool(self.sees) != (geometry is not None):
-            raise ValueError(f"'{self.spec.id}' sees {self.sees or 'no geometry'}")
-        inputs = x_t if geometry is None else torch.cat([x_t, geometry.to(x_t)], 1)
-        native = torch.cat(
-            [
-                self.unet(part.to(self.unet.dtype), self.timestep(t), words.to(self.unet.dtype)).sample
-                for part, words in zip(self._chunks(inputs), self._chunks(text), strict=True)
-            ]
-        )
-        return to_epsilon(native.to(x_t), x_t, *self.alpha_sigma(t), self.spec.prediction_type)
-
-    def _chunks(self, batch: Tensor) -> tuple[Tensor, ...]:
-        return batch.split(self.chunk or len(batch))
-
-    def weight(self, t: float) -> float:
-        """1 - alphabar(t), as the official script."""
-        return 1 - self.alphas_cumprod[self.timestep(t)]
-
-
-def to_epsilon(native: Tensor, x_t: Tensor, alpha: float, sigma: float, prediction_type: str) -> Tensor:
-    """epsilon of x_t = alpha x + sigma epsilon, from a prediction of it, of x, or of v = alpha epsilon - sigma x."""
-    match prediction_type:
-        case "v_prediction":
-            return alpha * native + sigma * x_t
-        case "sample":
-            return (x_t - alpha * native) / sigma
-        case _:
-            return native
-
-
-def _require_extra() -> None:
-    for module in ("diffusers", "transformers"):
-        try:
-            importlib.import_module(module)
-        except ImportError as error:
-            raise PriorError(
-                "prior.extra",
-                f"Stable Diffusion needs the package '{module}': {error}",
-                "pip install 'paintit[diffusers]'",
-            ) from error
-
-
-def on_this_machine(source: str, revision: str = "") -> bool:
-    """Whether the checkpoint of the hub id ``source`` is whole in the local cache. Nothing is loaded or downloaded."""
-    try:
-        _require_extra()
-        _check(_snapshot(source, revision, False), source)
-    except PriorError:
-        return False
-    return True
-
-
-def _snapshot(source: str, revision: str, allow_download: bool) -> Path:
-    """Folder of the hub id ``source`` in the local cache; downloads only where that is allowed."""
-    from huggingface_hub import snapshot_download
-    from huggingface_hub.errors import HFValidationError, LocalEntryNotFoundError
-
-    try:
-        return Path(
-            snapshot_download(
-                source, revision=revision or None, allow_patterns=list(FILES), local_files_only=not allow_download
-            )
-        )
-    except HFValidationError as error:
-        raise PriorError("prior.missing", f"'{source}' is neither a folder nor a hub id", "check the path") from error
-    except LocalEntryNotFoundError as error:
-        if allow_download:
-            raise PriorError("prior.download", f"'{source}' cannot be downloaded", "check the connection") from error
-        raise _not_cached(source, revision) from error
-    except Exception as error:
-        raise PriorError(
-            "prior.download",
-            f"'{source}' cannot be downloaded: {str(error).strip().splitlines()[0] or type(error).__name__}",
-            "check the id, the revision and the connection",
-        ) from error
-
-
-def _not_cached(source: str, revision: str) -> PriorError:
-    at = f" at revision '{revision}'" if revision else ""
-    return PriorError(
-        "prior.not_cached",
-        f"'{source}'{at} is not on this machine, and nothing is downloaded unasked",
-        "allow the download with --allow-download (allow_download=True in Python), or give a folder",
-    )
-
-
-def _check(folder: Path, source: str) -> str | None:
-    """The variant of the weight files in ``folder``, once it is seen to hold every part of such a checkpoint."""
-    index = folder / "model_index.json"
-    if not index.is_file():
-        raise PriorError("prior.folder", f"'{source}' has no model_index.json", "give a folder that diffusers saved")
-    try:
-        pipeline = json.loads(index.read_text(encoding="utf-8"))["_class_name"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise PriorError("prior.folder", f"'{index}' is not a diffusers index", "fetch the checkpoint again") from error
-    if pipeline not in PIPELINES:
-        raise PriorError(
-            "prior.kind",
-            f"'{source}' is a {pipeline}",
-            "choose a Stable Diffusion 1.x or 2.x checkpoint, text-to-image or depth-to-image",
-        )
-    # transformers makes an empty tokenizer of a missing vocabulary, without a word.
-    for needed in (("tokenizer/vocab.json", "tokenizer/tokenizer.json"), ("scheduler/scheduler_config.json",)):
-        if not any((folder / name).is_file() for name in needed):
-            raise PriorError("prior.weights", f"'{source}' has no {needed[0]}", f"look into {folder}")
-    variants = {_variant(folder, part, stem, source) for part, stem in WEIGHTS.items()}
-    if len(variants) > 1:
-        raise PriorError(
-            "prior.weights", f"'{source}' mixes fp16 and plain weight files", "keep one precision of all three parts"
-        )
-    return variants.pop()
-
-
-def _variant(folder: Path, part: str, stem: str, source: str) -> str | None:
-    there = [path.name for path in (folder / part).glob("*")]
-    if any(name.startswith(stem) and name.endswith(".safetensors") and ".fp16" not in name for name in there):
-        return None
-    if any(name.startswith(stem) and name.endswith(".safetensors") for name in there):
-        return "fp16"
-    if any(name.endswith((".bin", ".ckpt", ".pt")) for name in there):
-        raise PriorError(
-            "prior.pickle",
-            f"'{source}' has its {part} only as pickle, which can run code when read",
-            "choose a checkpoint with safetensors, or convert it with diffusers",
-        )
-    raise PriorError("prior.weights", f"'{source}' has no weights for its {part}", f"look into {folder / part}")
-
-
-def _fingerprint(folder: Path, variant: str | None) -> str:
-    """SHA-256 of the U-Net's weight files, what a folder has in place of a commit."""
-    digest = hashlib.sha256()
-    for path in sorted((folder / "unet").glob("*.safetensors")):
-        if (".fp16" in path.name) == (variant == "fp16"):
-            with path.open("rb") as file:
-                digest.update(hashlib.file_digest(file, "sha256").digest())
-    return digest.hexdigest()
-
-
-def _precision(device: torch.device, dtype: str) -> torch.dtype:
-    if dtype == "auto":
-        if device.type != "cuda":
-            return torch.float32
-        return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
-    if dtype not in DTYPES:
-        raise PriorError("prior.dtype", f"there is no precision '{dtype}'", f"choose auto, {', '.join(DTYPES)}")
-    return DTYPES[dtype]
+        return relative_disparity(channels["depth"], channels["mask"], self.spec.resolution // self.codec.factor)
 
 
 def _side(sample_size: int | Sequence[int]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from torch import Tensor
 from paintit.config import PaintConfig
 from paintit.device import choose_device
 from paintit.guidance.load import load_prior
+from paintit.guidance.losses import Words
 from paintit.guidance.prior import Prior, Reader
 from paintit.guidance.prompt import Prompts
 from paintit.mesh.mesh import Mesh
@@ -93,9 +94,7 @@ class Method(ABC):
     ) -> None:
         self.mesh = mesh
         self.config = config
-        words = config.prompt
-        regions = focus_regions(mesh, config.views)
-        self.prompts = Prompts(prompt, words.template, words.negative, [region.name for region in regions])
+        self.prompts = Prompts.of(prompt, config, [region.name for region in focus_regions(mesh, config.views)])
         self.device, self.device_reason = choose_device(config.device)
         self.streams = Streams(config.seed)
         self.prior = prior or load_prior(
@@ -159,14 +158,21 @@ class Method(ABC):
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """The inverse of :meth:`state_dict`."""
 
-    def _embed(self, views: Views) -> tuple[Tensor, Tensor]:
-        """The embedded text of each view, and the negative one as often."""
+    def _embed(self, views: Views) -> Words:
+        """The embedded texts of each view."""
         cameras = views.cameras
         front = math.radians(self.config.views.front)
         texts = self.prompts.for_views(cameras.azimuth - front, cameras.elevation, views.focus)
-        return (
-            torch.cat([self._text[text] for text in texts]),
-            torch.cat([self._text[self.prompts.negative]] * len(texts)),
+
+        def embedded(texts: Sequence[str]) -> Tensor:
+            return torch.cat([self._text[text] for text in texts])
+
+        prompts, count = self.prompts, len(texts)
+        return Words(
+            embedded(texts),
+            embedded([prompts.negative] * count),
+            embedded([""] * count) if prompts.empty else None,
+            embedded([prompts.with_source(text) for text in texts]) if prompts.source else None,
         )
 
 

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from paintit.config import PaintConfig
 from paintit.errors import PaintitError
+from paintit.guidance.losses import distil, require
 from paintit.guidance.prior import Prior
-from paintit.guidance.schedule import sample_t, timestep_range
-from paintit.guidance.sds import sds_gradient
+from paintit.guidance.schedule import choose_t
 from paintit.mesh.mesh import Mesh
 from paintit.paint.method import Clock, Method, Step
 from paintit.paint.views import Views, ViewSampler
@@ -57,6 +57,7 @@ class Painter(Method):
         profile: bool = False,
     ) -> None:
         super().__init__(mesh, prompt, config, prior, light, fixed, profile=profile)
+        require(self.prior, config.guidance.loss)
         self.sample_views = ViewSampler(mesh, config.views)
         points = self._points() if config.texture.kind == "points" else None
         self.field = make_field(config.texture, sum(self._painted), self.streams["field"], points).to(self.device)
@@ -76,14 +77,14 @@ class Painter(Method):
         x = self.prior.encode_image(self._read(image))
         progress = self.step / max(self.total - 1, 1)
         guidance = config.guidance
-        t = sample_t(timestep_range(guidance.schedule, progress, guidance.t_start, guidance.t_end), streams["t"])
+        t = choose_t(guidance, progress, streams["t"])
         noise = torch.randn((1, *x.shape[1:]), generator=streams["noise"]).to(x)  # one epsilon for all views
-        text, negative = self._embed(views)
+        words = self._embed(views)
         scale = guidance.scale
         if guidance.scale_end is not None:
             scale += progress * (guidance.scale_end - scale)
         geometry = self.prior.encode_geometry(self.place(image.geometry()))
-        gradient, record = sds_gradient(self.prior, x, text, negative, t, noise, scale, geometry)  # eq. 1 and 3
+        gradient, record = distil(guidance, self.prior, x, words, t, noise, scale, progress, geometry)  # eq. 1 and 3
         clock("guidance")
         self.optimizer.zero_grad(set_to_none=True)
         roots, seeds = [x], [gradient]

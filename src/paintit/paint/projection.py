@@ -96,12 +96,12 @@ class Projector(Method):
         x = self._sampled.encode_image(self._read(image))
         clock("render")
         noise = torch.randn(x.shape, generator=streams["noise"]).to(x)
-        text, negative = self._embed(views)
+        words = self._embed(views)
         geometry = self._sampled.encode_geometry(self.place(image.geometry()))
         # The freest pixel decides for a cell of a coarser grid: held pixels keep their texels all the same.
         known = Known(x, F.adaptive_max_pool2d(free_below[:, None], x.shape[-2:]))
         x = sample(
-            self._sampled, noise, text, negative, geometry,
+            self._sampled, noise, words.text, words.negative, geometry,
             scale=settings.scale, steps=settings.steps, start=START, known=known,
             eta=settings.eta, generator=streams["noise"],
         )  # fmt: skip

@@ -7,7 +7,8 @@ from typing import Any
 from paintit.config import PaintConfig
 from paintit.device import choose_device, native_bfloat16
 from paintit.errors import PriorError
-from paintit.guidance.load import known_prior, load_prior
+from paintit.guidance.known import known_prior
+from paintit.guidance.load import load_prior, on_this_machine
 from paintit.guidance.prompt import Prompts
 from paintit.guidance.sampling import sampling_prior
 from paintit.mesh.mesh import Mesh
@@ -53,7 +54,7 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
     environment = load_environment(config.light.path, config.light.exposure)
     regions = [region.name for region in focus_regions(mesh, config.views)]
     focus = focus_note(mesh, config.views)
-    prompts = Prompts(prompt, config.prompt.template, config.prompt.negative, regions)
+    prompts = Prompts.of(prompt, config, regions)
     files = [folder.asset, folder.textures, folder.record, folder.config, folder.log, folder.checkpoint]
     files += [folder.preview] if request.preview else []
     files += [folder.turntable] if request.turntable else []
@@ -88,11 +89,10 @@ def _prior(request: Request) -> str:
     """The prior in words. A known large one is not loaded; an unknown one is refused."""
     guidance = request.config.guidance
     known = known_prior(guidance.prior)
-    if known is not None and known.size_mb:
-        from paintit.guidance.stable_diffusion import on_this_machine
-
-        text = f"{known.name}: {known.note} ({known.source}, {known.licence}, {known.size_mb / 1000:.1f} GB)"
-        if on_this_machine(known.source, guidance.revision):
+    if known is not None and known.sources:
+        source = known.sources[0] if guidance.prior == known.name else guidance.prior
+        text = f"{known.name}: {known.note} ({source}, {known.licence}, {known.size_mb / 1000:.1f} GB)"
+        if on_this_machine(known, guidance.revision):
             return text
         return f"{text}; not on this machine, " + (
             "will be downloaded" if request.allow_download else "add --allow-download to fetch it"
