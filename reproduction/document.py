@@ -80,7 +80,8 @@ Written by `make reproduce` on {results["date"]} from `reproduction/results.json
 
 def _comparison(one: Mapping[str, Any]) -> str:
     seeds, budget = one["seeds"], one["budget"]
-    what = f"{len(one['prompts'])} prompts x {len(one['meshes'])} meshes ({', '.join(one['meshes'])}) x {_seeds(seeds)}"
+    meshes = f"{_count(one['meshes'], 'mesh', 'es')} ({', '.join(one['meshes'])})"
+    what = f"{_count(one['prompts'], 'prompt')} x {meshes} x {_seeds(seeds)}"
     spread = "± is the standard deviation of the seeds' means" if len(seeds) > 1 else "one seed, so no spread is known"
     head = ["method", "steps", *(title for title, _ in COLUMNS.values()), "FID in the paper"]
     rows = []
@@ -182,7 +183,11 @@ def _rest() -> str:
 
 
 def _seeds(seeds: Sequence[int]) -> str:
-    return f"{len(seeds)} seed{'s' * (len(seeds) > 1)}"
+    return _count(seeds, "seed")
+
+
+def _count(things: Sequence[object], name: str, ending: str = "s") -> str:
+    return f"{len(things)} {name}{ending * (len(things) > 1)}"
 
 
 def _number(value: Mapping[str, float | None], digits: int, low: str = "") -> str:
