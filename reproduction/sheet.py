@@ -7,6 +7,7 @@ from pathlib import Path
 from cells import Cell
 from PIL import Image, ImageDraw, ImageFont
 from ruler import subject
+from sheet import wrapped
 
 from paintit.export.preview import preview
 from paintit.variants import VARIANTS
@@ -28,17 +29,9 @@ def contact_sheet(plan: Plan, folder: Path, seed: int) -> Image.Image:
             (LABEL + i * wide + 4, 4), VARIANTS[name].title if name in VARIANTS else "true material", "black", font
         )
     for j, cell in enumerate(cells):
-        pen.multiline_text((4, HEADER + j * high + 6), _wrapped(cell.prompt, font), "black", font)
+        pen.multiline_text((4, HEADER + j * high + 6), wrapped(cell.prompt, font, LABEL - 10), "black", font)
         for i, name in enumerate(columns):
             maps = maps_of_method(plan, folder, name, cell)
             picture = preview(subject(cell.mesh, plan.size).mesh, maps, size=SIZE, views=VIEWS)
             out.paste(picture, (LABEL + i * wide, HEADER + j * high))
     return out
-
-
-def _wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        lines = [*lines, word] if font.getlength(longer) > LABEL - 10 else [*lines[:-1], longer]
-    return "\n".join(lines)

@@ -25,7 +25,7 @@ def contact_sheet(folder: Path, cells: Sequence[Cell], size: int = 144) -> Image
     for i, (mesh, seed) in enumerate(columns):
         pen.text((LABEL + i * wide + 4, 5), f"{mesh}, seed {seed}", "black", font)
     for j, prompt in enumerate(prompts):
-        pen.multiline_text((4, HEADER + j * (size + MARGIN) + 6), _wrapped(prompt, font), "black", font)
+        pen.multiline_text((4, HEADER + j * (size + MARGIN) + 6), wrapped(prompt, font, LABEL - 12), "black", font)
     for cell in cells:
         maps = load_maps(folder, cell)
         picture = preview(subject(cell.mesh, maps.size[0]).mesh, maps, size=size, views=VIEWS)
@@ -34,9 +34,10 @@ def contact_sheet(folder: Path, cells: Sequence[Cell], size: int = 144) -> Image
     return out
 
 
-def _wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
+def wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
+    """``text`` broken between words into lines of at most ``width`` pixels."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
-        lines = [*lines, word] if font.getlength(longer) > LABEL - 12 else [*lines[:-1], longer]
+        lines = [*lines, word] if font.getlength(longer) > width else [*lines[:-1], longer]
     return "\n".join(lines)
