@@ -20,6 +20,7 @@ from paintit.cli.main import main
 from paintit.errors import PriorError
 from paintit.guidance.deepfloyd import DeepFloydPrior
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.sds import sds_gradient
 
 pytest.importorskip("diffusers")
@@ -42,7 +43,14 @@ def pipeline_of(prior: DeepFloydPrior, folder: Path, kind: str = "IFPipeline") -
 
     scheduler = diffusers.DDPMScheduler.from_pretrained(folder / "scheduler")
     return getattr(diffusers, kind)(
-        prior.tokenizer, prior.text_encoder, prior.unet, scheduler, None, None, None, requires_safety_checker=False
+        prior.pipe.tokenizer,
+        prior.pipe.text_encoder,
+        prior.unet,
+        scheduler,
+        None,
+        None,
+        None,
+        requires_safety_checker=False,
     )
 
 
@@ -127,7 +135,7 @@ def test_pictures_are_scaled_as_the_pipeline_does(prior: DeepFloydPrior, checkpo
 
 @pytest.mark.parametrize("size", [16, 12, 40])
 def test_gradient_through_the_encoder_matches_finite_differences(checkpoint: Path, size: int) -> None:
-    prior = DeepFloydPrior.load(checkpoint, dtype="float64")
+    prior = DeepFloydPrior.load(checkpoint, Loading(dtype="float64"))
     generator = torch.Generator().manual_seed(0)
     image = torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64).requires_grad_()
     x = prior.encode_image({"shaded": image})
@@ -163,7 +171,7 @@ def test_a_perfect_model_has_no_gradient(prior: DeepFloydPrior, monkeypatch: pyt
 
 @pytest.mark.parametrize("dtype", ["bfloat16", "float16"])
 def test_low_precision_is_near(checkpoint: Path, dtype: str) -> None:
-    exact, coarse = (DeepFloydPrior.load(checkpoint, dtype=kind) for kind in ("float32", dtype))
+    exact, coarse = (DeepFloydPrior.load(checkpoint, Loading(dtype=kind)) for kind in ("float32", dtype))
     x = exact.encode_image(make_channels(("shaded",), 1, 16))
     a, b = (p.predict_noise(x, 0.5, p.encode_text(["a cow"])) for p in (exact, coarse))
     assert b.dtype == torch.float32

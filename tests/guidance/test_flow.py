@@ -18,6 +18,7 @@ from paintit.cli.main import main
 from paintit.guidance.flow import FlowPrior
 from paintit.guidance.flow_flux2 import Flux2KleinPrior
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.sds import sds_gradient
 
 pytest.importorskip("diffusers")
@@ -228,7 +229,7 @@ def test_a_denoiser_gives_the_gradient_of_the_same_denoiser_on_a_diffusion_path(
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_gradient_through_the_autoencoder_matches_finite_differences(name: str, folder: Callable[[str], Path]) -> None:
-    prior = load_prior(str(folder(name)), dtype="float64")
+    prior = load_prior(str(folder(name)), Loading(dtype="float64"))
     generator = torch.Generator().manual_seed(0)
     image = (0.1 + 0.8 * torch.rand(1, 20, 20, 3, generator=generator, dtype=torch.float64)).requires_grad_()
     latents = prior.encode_image({"shaded": image})
@@ -254,7 +255,7 @@ def test_chunks_change_nothing(prior: FlowPrior, monkeypatch: pytest.MonkeyPatch
 
 
 def test_low_precision_is_near(prior: FlowPrior) -> None:
-    coarse = load_prior(prior.spec.id, dtype="bfloat16")
+    coarse = load_prior(prior.spec.id, Loading(dtype="bfloat16"))
     x = prior.encode_image(make_channels(("shaded",), 1, 32)).detach()
     exact, rounded = (p.predict_noise(x, 0.5, p.encode_text(["a cow"])) for p in (prior, coarse))
     assert rounded.dtype == torch.float32

@@ -15,6 +15,7 @@ from paintit.errors import PriorError
 from paintit.guidance import hub as hubs
 from paintit.guidance.families import FAMILIES
 from paintit.guidance.load import load_prior, locate
+from paintit.guidance.loading import Loading
 from paintit.guidance.parts import select
 
 pytest.importorskip("diffusers")
@@ -47,7 +48,7 @@ def copy(saved: Path, tmp_path: Path) -> Path:
 
 def refusal(source: str | Path, *, allow_download: bool = True, revision: str = "") -> PriorError:
     with pytest.raises(PriorError) as caught:
-        load_prior(str(source), allow_download=allow_download, revision=revision)
+        load_prior(str(source), Loading(allow_download=allow_download, revision=revision))
     assert caught.value.hint
     assert "\n" not in str(caught.value)
     assert str(source) in caught.value.message
@@ -109,7 +110,7 @@ def test_sharded_folder_is_loaded_and_its_fingerprint_is_that_of_all_shards(save
 def test_only_what_is_needed_is_fetched_once(hub: FakeHub, saved: Path, caplog: pytest.LogCaptureFixture) -> None:
     hub.folders["someone/tiny"] = saved
     with caplog.at_level(logging.WARNING, "paintit"):
-        prior = load_prior("someone/tiny", allow_download=True)
+        prior = load_prior("someone/tiny", Loading(allow_download=True))
     assert prior.spec.id == "someone/tiny"
     assert prior.spec.revision == COMMIT
     assert "MB of someone/tiny; licence: test-licence" in caplog.text
@@ -117,26 +118,26 @@ def test_only_what_is_needed_is_fetched_once(hub: FakeHub, saved: Path, caplog: 
     assert not any(name.endswith((".bin", ".md")) or "non_ema" in name or "safety" in name for name in hub.fetched)
     hub.requests.clear()
     for allow_download in (False, True):
-        load_prior("someone/tiny", allow_download=allow_download)
-        load_prior("someone/tiny", revision=COMMIT, allow_download=allow_download)
+        load_prior("someone/tiny", Loading(allow_download=allow_download))
+        load_prior("someone/tiny", Loading(revision=COMMIT, allow_download=allow_download))
     assert hub.requests == []
 
 
 def test_a_download_that_broke_off_goes_on(hub: FakeHub, saved: Path) -> None:
     hub.folders["someone/tiny"] = saved
-    load_prior("someone/tiny", allow_download=True)
+    load_prior("someone/tiny", Loading(allow_download=True))
     plan = hubs.plan_download("someone/tiny", SD)
     assert plan.missing == {}
     folder = hubs.open_checkpoint("someone/tiny", SD).folder
     (folder / "vae/diffusion_pytorch_model.safetensors").unlink()
     assert refusal("someone/tiny", allow_download=False).code == "prior.not_cached"
     assert set(hubs.plan_download("someone/tiny", SD).missing) == {"vae/diffusion_pytorch_model.safetensors"}
-    load_prior("someone/tiny", allow_download=True)
+    load_prior("someone/tiny", Loading(allow_download=True))
 
 
 def test_the_next_source_is_used_where_the_first_does_not_answer(hub: FakeHub, saved: Path) -> None:
     hub.folders[SECOND] = saved
-    prior = load_prior("sd21-base", allow_download=True)
+    prior = load_prior("sd21-base", Loading(allow_download=True))
     assert prior.spec.id == SECOND
     assert prior.spec.licence == "CreativeML Open RAIL++-M"
     hub.requests.clear()
@@ -154,7 +155,7 @@ def test_the_first_source_that_answers_is_used(hub: FakeHub, saved: Path) -> Non
 def test_the_table_says_the_default_guidance(hub: FakeHub, saved: Path) -> None:
     hub.folders["sd2-community/stable-diffusion-2-depth"] = saved
     assert load_prior(str(saved)).spec.guidance_scale == 101
-    assert load_prior("sd2-depth", allow_download=True).spec.guidance_scale == 7.5
+    assert load_prior("sd2-depth", Loading(allow_download=True)).spec.guidance_scale == 7.5
 
 
 @pytest.mark.parametrize("old", ["stabilityai/stable-diffusion-2-1-base", "runwayml/stable-diffusion-v1-5"])
@@ -169,7 +170,7 @@ def test_withdrawn_id_names_the_alternatives(hub: FakeHub, old: str) -> None:
 
 def test_withdrawn_source_names_its_own_family_first(hub: FakeHub) -> None:
     with pytest.raises(PriorError) as caught:
-        load_prior("sd35-medium", allow_download=True)
+        load_prior("sd35-medium", Loading(allow_download=True))
     assert caught.value.code == "prior.withdrawn"
     assert "others: --prior sd3-medium, sd35-large, " in caught.value.hint
 

@@ -19,6 +19,7 @@ from paintit.errors import PriorError
 from paintit.guidance.families import FAMILIES, family_of
 from paintit.guidance.known import PriorInfo, instead_of, known_prior, known_priors, prior_info
 from paintit.guidance.load import load_prior, prior_class
+from paintit.guidance.loading import Loading
 from paintit.guidance.prior import Prior
 
 
@@ -121,7 +122,7 @@ def test_nothing_is_downloaded_unasked(name: str, tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
     with pytest.raises(PriorError) as caught:
-        load_prior(name, revision="abc123")
+        load_prior(name, Loading(revision="abc123"))
     assert caught.value.code == "prior.not_cached"
     assert (KNOWN[name].sources[0] if name in KNOWN else name) in caught.value.message
     assert "abc123" in caught.value.message
@@ -160,11 +161,11 @@ def test_cached_hub_id_is_used_at_its_revision(tmp_path: Path, monkeypatch: pyte
     (repository / "refs").mkdir()
     (repository / "refs/main").write_text(commit)
     for revision in ("", commit):
-        prior = load_prior("someone/tiny", revision=revision)
+        prior = load_prior("someone/tiny", Loading(revision=revision))
         assert prior.spec.id == "someone/tiny"
         assert prior.spec.revision == commit
     with pytest.raises(PriorError) as caught:
-        load_prior("someone/tiny", revision="fedcba9876543210fedcba9876543210fedcba98")
+        load_prior("someone/tiny", Loading(revision="fedcba9876543210fedcba9876543210fedcba98"))
     assert caught.value.code == "prior.not_cached"
     (snapshot / "unet/diffusion_pytorch_model.safetensors").unlink()
     with pytest.raises(PriorError) as caught:

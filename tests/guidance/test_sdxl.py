@@ -16,6 +16,7 @@ from tests.guidance.tiny import save_tiny_sdxl
 from paintit.cli.main import main
 from paintit.errors import PriorError
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.sds import sds_gradient
 from paintit.guidance.sdxl import SDXLPrior
 
@@ -39,9 +40,11 @@ def pipeline_of(prior: SDXLPrior, folder: Path, kind: str = "StableDiffusionXLPi
 
     index = json.loads((folder / "model_index.json").read_text())
     return getattr(diffusers, kind)(
-        prior.codec.vae,
-        *prior.text_encoders,
-        *prior.tokenizers,
+        prior.pipe.vae,
+        prior.pipe.text_encoder,
+        prior.pipe.text_encoder_2,
+        prior.pipe.tokenizer,
+        prior.pipe.tokenizer_2,
         prior.unet,
         diffusers.EulerDiscreteScheduler.from_pretrained(folder / "scheduler"),
         force_zeros_for_empty_prompt=index["force_zeros_for_empty_prompt"],
@@ -137,8 +140,8 @@ def test_latents_are_scaled_as_the_pipeline_does(tmp_path: Path, config: dict[st
     folder = save_tiny_sdxl(tmp_path / "tiny", vae=config)
     prior = SDXLPrior.load(folder)
     with torch.no_grad():  # the image-to-image pipeline samples from the posterior, which is a point here
-        prior.codec.vae.quant_conv.weight[4:] = 0
-        prior.codec.vae.quant_conv.bias[4:] = -30
+        prior.pipe.vae.quant_conv.weight[4:] = 0
+        prior.pipe.vae.quant_conv.bias[4:] = -30
     image = make_channels(("shaded",), 2, 32)["shaded"]
     onto = pipeline_of(prior, folder, "StableDiffusionXLImg2ImgPipeline")
     with torch.no_grad():
@@ -162,7 +165,7 @@ def test_latents_are_scaled_as_the_pipeline_does(tmp_path: Path, config: dict[st
 
 @pytest.mark.parametrize("size", [32, 20])
 def test_gradient_through_the_encoder_matches_finite_differences(checkpoints: dict[str, Path], size: int) -> None:
-    prior = SDXLPrior.load(checkpoints["epsilon"], dtype="float64")
+    prior = SDXLPrior.load(checkpoints["epsilon"], Loading(dtype="float64"))
     generator = torch.Generator().manual_seed(0)
     image = (0.1 + 0.8 * torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64)).requires_grad_()
     latents = prior.encode_image({"shaded": image})
@@ -210,8 +213,8 @@ def test_chunks_change_nothing(prior: SDXLPrior) -> None:
 
 @pytest.mark.parametrize("dtype", ["bfloat16", "float16"])
 def test_low_precision_is_near(checkpoints: dict[str, Path], dtype: str) -> None:
-    exact, coarse = (SDXLPrior.load(checkpoints["epsilon"], dtype=kind) for kind in ("float32", dtype))
-    assert coarse.codec.vae.dtype == (torch.float32 if dtype == "float16" else torch.bfloat16)
+    exact, coarse = (SDXLPrior.load(checkpoints["epsilon"], Loading(dtype=kind)) for kind in ("float32", dtype))
+    assert coarse.pipe.vae.dtype == (torch.float32 if dtype == "float16" else torch.bfloat16)
     channels = make_channels(("shaded",), 1, 32)
     x = exact.encode_image(channels)
     assert coarse.encode_image(channels).dtype == torch.float32

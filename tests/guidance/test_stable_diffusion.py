@@ -16,6 +16,7 @@ from torch.nn import functional
 from paintit.errors import PriorError
 from paintit.guidance.ddpm import to_epsilon
 from paintit.guidance.depth import relative_disparity
+from paintit.guidance.loading import Loading
 from paintit.guidance.sds import sds_gradient
 from paintit.guidance.stable_diffusion import StableDiffusionPrior
 
@@ -150,7 +151,7 @@ def test_depth_is_told_as_the_pipeline_tells_it(depth_prior: StableDiffusionPrio
 def test_decoding_is_the_autoencoders_own(prior: StableDiffusionPrior) -> None:
     x = 0.1 * torch.randn(2, 4, 16, 16, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        image = prior.vae.decode(x / SCALING).sample
+        image = prior.pipe.vae.decode(x / SCALING).sample
     shaded = prior.decode_image(x)["shaded"]
     assert shaded.shape == (2, 32, 32, 3)
     torch.testing.assert_close(shaded, (image.permute(0, 2, 3, 1) / 2 + 0.5).clamp(0, 1), atol=1e-5, rtol=1e-4)
@@ -163,7 +164,14 @@ def test_text_and_latents_are_those_of_the_pipeline(checkpoints: dict[str, Path]
 
     prior = StableDiffusionPrior.load(checkpoints["epsilon"])
     pipeline = StableDiffusionPipeline(
-        prior.vae, prior.text_encoder, prior.tokenizer, prior.unet, None, None, None, requires_safety_checker=False
+        prior.pipe.vae,
+        prior.pipe.text_encoder,
+        prior.pipe.tokenizer,
+        prior.unet,
+        None,
+        None,
+        None,
+        requires_safety_checker=False,
     )
     words = ["a red cow", "blue"]
     with torch.no_grad():
@@ -173,14 +181,14 @@ def test_text_and_latents_are_those_of_the_pipeline(checkpoints: dict[str, Path]
 
     image = torch.rand(2, 32, 32, 3, generator=torch.Generator().manual_seed(0))
     signed = VaeImageProcessor().preprocess(image.permute(0, 3, 1, 2))
-    latents = prior.vae.config.scaling_factor * prior.vae.encode(signed).latent_dist.mode()
-    assert prior.vae.config.scaling_factor == SCALING
+    latents = prior.pipe.vae.config.scaling_factor * prior.pipe.vae.encode(signed).latent_dist.mode()
+    assert prior.pipe.vae.config.scaling_factor == SCALING
     torch.testing.assert_close(prior.encode_image({"shaded": image}), latents)
 
 
 @pytest.mark.parametrize("size", [32, 20, 48])
 def test_gradient_through_the_autoencoder_matches_finite_differences(checkpoints: dict[str, Path], size: int) -> None:
-    prior = StableDiffusionPrior.load(checkpoints["epsilon"], dtype="float64")
+    prior = StableDiffusionPrior.load(checkpoints["epsilon"], Loading(dtype="float64"))
     generator = torch.Generator().manual_seed(0)
     image = (0.1 + 0.8 * torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64)).requires_grad_()
     latents = prior.encode_image({"shaded": image})
@@ -199,7 +207,7 @@ def test_gradient_through_the_autoencoder_matches_finite_differences(checkpoints
 
 def test_each_text_is_encoded_once(prior: StableDiffusionPrior) -> None:
     calls: list[int] = []
-    prior.text_encoder.register_forward_hook(lambda *_: calls.append(1))
+    prior.pipe.text_encoder.register_forward_hook(lambda *_: calls.append(1))
     first = prior.encode_text(["a", "b", "a"])
     assert torch.equal(first[0], first[2])
     assert torch.equal(prior.encode_text(["b", "a"]), first[[1, 0]])
@@ -224,15 +232,15 @@ def test_score_distillation_runs_end_to_end(prior: StableDiffusionPrior) -> None
     assert record.nonfinite == 0
     assert image.grad is not None
     assert image.grad.isfinite().all()
-    assert all(p.grad is None for m in (prior.unet, prior.vae, prior.text_encoder) for p in m.parameters())
+    assert all(p.grad is None for m in (prior.unet, prior.pipe.vae, prior.pipe.text_encoder) for p in m.parameters())
 
 
 @pytest.mark.parametrize("dtype", ["bfloat16", "float16"])
 def test_low_precision_is_near(checkpoints: dict[str, Path], dtype: str) -> None:
     exact = StableDiffusionPrior.load(checkpoints["epsilon"])
-    coarse = StableDiffusionPrior.load(checkpoints["epsilon"], dtype=dtype)
+    coarse = StableDiffusionPrior.load(checkpoints["epsilon"], Loading(dtype=dtype))
     channels = make_channels(("shaded",), 1, 32)
-    assert coarse.vae.dtype == (torch.float32 if dtype == "float16" else torch.bfloat16)
+    assert coarse.pipe.vae.dtype == (torch.float32 if dtype == "float16" else torch.bfloat16)
     x = exact.encode_image(channels)
     assert coarse.encode_image(channels).dtype == torch.float32
     assert functional.mse_loss(coarse.encode_image(channels), x) < 1e-3 * x.square().mean()
@@ -244,7 +252,7 @@ def test_low_precision_is_near(checkpoints: dict[str, Path], dtype: str) -> None
 
 def refused(source: Path | str, **options: str) -> PriorError:
     with pytest.raises(PriorError) as caught:
-        StableDiffusionPrior.load(source, **options)
+        StableDiffusionPrior.load(source, Loading(**options))
     assert caught.value.hint
     assert "\n" not in caught.value.message
     return caught.value

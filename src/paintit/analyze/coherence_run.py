@@ -18,6 +18,7 @@ from paintit.config import PaintConfig, to_dict
 from paintit.device import choose_device
 from paintit.export.read_maps import unpainted_maps
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.prior import Prior
 from paintit.paint.painter import Painter
 from paintit.render.light import load_environment, prefilter
@@ -71,7 +72,7 @@ def run(
     device, _ = choose_device(config.device)
     light = prefilter(load_environment(config.light.path, config.light.exposure), device)
     guidance = config.guidance
-    prior = prior or load_prior(guidance.prior, device=str(device), dtype=config.dtype, revision=guidance.revision)
+    prior = prior or load_prior(guidance.prior, Loading.of(config, device))
     fixed = unpainted_maps(mesh, config.texture.size)
     found: list[Row] = []
     for seed in request.seeds:

@@ -36,6 +36,7 @@ from paintit.errors import MeshError
 from paintit.export.gltf_source import image_pixels, resized
 from paintit.export.image import quantize
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.prior import Prior
 from paintit.mesh.mesh import Mesh
 from paintit.render.light import Light, load_environment, prefilter
@@ -169,8 +170,7 @@ class _Paint:
         if self._loaded is None:
             device, _ = choose_device(config.device)
             light = prefilter(load_environment(config.light.path, config.light.exposure), device)
-            guidance = config.guidance
-            prior = load_prior(guidance.prior, device=str(device), dtype=config.dtype, revision=guidance.revision)
+            prior = load_prior(config.guidance.prior, Loading.of(config, device))
             self._loaded = prior, light
         prior, light = self._loaded
         states = paint(config, self._mesh, self._prompt, at, outside=self._outside, prior=prior, light=light)

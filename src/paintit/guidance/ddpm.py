@@ -1,55 +1,30 @@
-"""What the families with a discrete noise schedule share (Ho 2020, eq. 4): levels, conversions, texts, chunks."""
+"""What the families with a discrete noise schedule share (Ho 2020, eq. 4): levels and conversions."""
 
 from __future__ import annotations
 
-import logging
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from abc import abstractmethod
+from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from paintit.errors import PriorError
-from paintit.guidance.prior import PriorSpec, ReadChannel, SeeChannel
-
-if TYPE_CHECKING:
-    from diffusers.schedulers.scheduling_ddim import DDIMScheduler
-    from diffusers.schedulers.scheduling_ddpm import DDPMScheduler
-    from transformers import PreTrainedTokenizerBase
-
-log = logging.getLogger(__name__)
+from paintit.guidance.diffusers_prior import DiffusersPrior
+from paintit.guidance.loading import Loading
 
 PREDICTIONS = ("epsilon", "v_prediction", "sample")
 
 
-class DdpmPrior(ABC):
+class DdpmPrior(DiffusersPrior):
     """x_t = alpha x + sigma epsilon at the model's own training timesteps, alpha^2 = alphabar, sigma^2 = 1 - alphabar.
 
     t is rounded to the nearest timestep. A family says how one prompt is encoded and what its network predicts.
-
-    Args:
-        scheduler: source of ``alphas_cumprod``.
-        models: every module of the family; they are frozen.
-        chunk: most views that go through the network at once, to save memory; 0 for no limit.
     """
 
-    reads: tuple[ReadChannel, ...] = ("shaded",)
-    sees: tuple[SeeChannel, ...] = ()
-
-    def __init__(
-        self, spec: PriorSpec, scheduler: DDIMScheduler | DDPMScheduler, models: Sequence[nn.Module], chunk: int = 0
-    ) -> None:
-        self.spec = spec
-        self.chunk = chunk
-        self.alphas_cumprod: list[float] = scheduler.alphas_cumprod.double().tolist()
-        for model in models:
-            model.requires_grad_(False).eval()
-        self._texts: dict[str, Tensor] = {}
-
-    @abstractmethod
-    def _encode(self, prompt: str) -> Tensor:
-        """(1, ...) embedding of one prompt."""
+    def __init__(self, pipeline: Any, *, id: str, revision: str = "", loading: Loading | None = None) -> None:
+        self.unet = pipeline.unet
+        self.alphas_cumprod: list[float] = pipeline.scheduler.alphas_cumprod.double().tolist()
+        super().__init__(pipeline, id=id, revision=revision, loading=loading)
 
     @abstractmethod
     def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
@@ -58,18 +33,6 @@ class DdpmPrior(ABC):
         Args:
             inputs: x_t, and behind it the channels of the geometry that the model sees.
         """
-
-    @torch.no_grad()
-    def encode_text(self, prompts: Sequence[str]) -> Tensor:
-        """(n, ...) embeddings; each distinct prompt is encoded once and kept."""
-        for prompt in dict.fromkeys(prompts):
-            if prompt not in self._texts:
-                self._texts[prompt] = self._encode(prompt)
-        return torch.cat([self._texts[prompt] for prompt in prompts])
-
-    def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
-        """None: most of these models see no geometry."""
-        return None
 
     def timestep(self, t: float) -> int:
         """The training timestep nearest to the fraction t of the schedule."""
@@ -94,10 +57,8 @@ class DdpmPrior(ABC):
         if bool(self.sees) != (geometry is not None):
             raise ValueError(f"'{self.spec.id}' sees {self.sees or 'no geometry'}")
         inputs = x_t if geometry is None else torch.cat([x_t, geometry.to(x_t)], 1)
-        size, step = self.chunk or len(x_t), self.timestep(t)
-        native = torch.cat(
-            [self._denoise(part, step, words) for part, words in zip(inputs.split(size), text.split(size), strict=True)]
-        )
+        step = self.timestep(t)
+        native = self._by_chunks(lambda part, words: self._denoise(part, step, words), inputs, text)
         return to_epsilon(native.to(x_t), x_t, *self.alpha_sigma(t), self.spec.prediction_type)
 
     def weight(self, t: float) -> float:
@@ -116,8 +77,8 @@ def to_epsilon(native: Tensor, x_t: Tensor, alpha: float, sigma: float, predicti
             return native
 
 
-def prediction_of(scheduler: DDIMScheduler | DDPMScheduler, id: str) -> str:
-    """What the model ``id`` predicts, one of :data:`PREDICTIONS`.
+def prediction_of(scheduler: Any, id: str) -> str:
+    """What the model ``id`` predicts by its scheduler's configuration, one of :data:`PREDICTIONS`.
 
     Raises:
         PriorError: something else.
@@ -126,15 +87,3 @@ def prediction_of(scheduler: DDIMScheduler | DDPMScheduler, id: str) -> str:
     if kind not in PREDICTIONS:
         raise PriorError("prior.prediction", f"'{id}' predicts '{kind}'", "choose an epsilon or v model")
     return kind
-
-
-def token_ids(tokenizer: PreTrainedTokenizerBase, prompt: str, limit: int) -> Any:
-    """``input_ids`` and ``attention_mask``, each (1, limit), padded; what does not fit is cut."""
-    return tokenizer(prompt, padding="max_length", max_length=limit, truncation=True, return_tensors="pt")
-
-
-def report_cut(tokenizer: PreTrainedTokenizerBase, prompt: str, limit: int, id: str) -> None:
-    """A warning where the prompt does not fit."""
-    needed = len(tokenizer(prompt).input_ids)
-    if needed > limit:
-        log.warning("the prompt takes %d tokens, of which %s reads %d: '%s'", needed, id, limit, prompt)

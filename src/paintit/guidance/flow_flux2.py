@@ -32,8 +32,8 @@ class Flux2KleinPrior(FlowPrior):
         "scheduler": "FlowMatchEulerDiscreteScheduler",
     }
 
-    def _codec(self, vae: Any) -> PatchCodec:
-        return PatchCodec(vae)
+    def _codec(self) -> PatchCodec:
+        return PatchCodec(self.pipe.vae)
 
     def _encode(self, prompt: str) -> Tensor:
         return self.pipe.encode_prompt(prompt, device=self.transformer.device, max_sequence_length=TOKENS)[0]

@@ -12,6 +12,7 @@ from paintit.errors import PriorError
 from paintit.guidance import hub
 from paintit.guidance.families import FAMILIES, Family
 from paintit.guidance.known import PriorInfo, known_prior, known_priors, unknown_prior
+from paintit.guidance.loading import Loading
 
 if TYPE_CHECKING:
     from paintit.guidance.prior import Prior
@@ -19,37 +20,27 @@ if TYPE_CHECKING:
 _HUB_ID = re.compile(r"[\w.-]+/[\w.-]+")
 
 
-def load_prior(
-    name: str, *, device: str = "cpu", dtype: str = "auto", revision: str = "", allow_download: bool = False
-) -> Prior:
+def load_prior(name: str, loading: Loading | None = None) -> Prior:
     """The prior called ``name``: a short name (see ``priors.toml``), a folder that diffusers saved, or a hub id.
 
     Args:
-        device: ``cpu``, ``cuda``, ``cuda:N`` or ``mps``.
-        dtype: ``auto``, ``float32``, ``bfloat16`` or ``float16``.
-        revision: commit, tag or branch, for what comes from the hub.
-        allow_download: nothing is ever downloaded without it; what the cache holds is used.
+        loading: nothing is ever downloaded unless it allows that; what the cache holds is used.
 
     Raises:
         PriorError: unknown name, not on this machine, of another kind, or its extra is not installed.
     """
+    loading = loading or Loading()
     if name == "pocket":
         from paintit.guidance.pocket import PocketPrior
 
-        return PocketPrior.load(device=device, dtype=dtype)
+        return PocketPrior.load(device=loading.device, dtype=loading.dtype)
     known = known_prior(name)
     _check_name(name, known)
     hub.require_extra(FAMILIES[known.family].about if known else "a diffusion model")
-    source, revision = locate(name, revision, allow_download)
-    family = FAMILIES[known.family] if known else hub.family_at(source, revision, allow_download)
-    prior = prior_class(family).load(
-        source,
-        device=device,
-        dtype=dtype,
-        revision=revision,
-        allow_download=allow_download,
-        licence=known.licence if known else "",
-    )
+    source, revision = locate(name, loading.revision, loading.allow_download)
+    family = FAMILIES[known.family] if known else hub.family_at(source, revision, loading.allow_download)
+    licence = known.licence if known else ""
+    prior = prior_class(family).load(source, replace(loading, revision=revision, licence=licence))
     if known:
         prior.spec = replace(prior.spec, guidance_scale=known.guidance)
     return prior

@@ -15,6 +15,7 @@ from torch import Tensor
 from paintit.config import PaintConfig
 from paintit.device import choose_device
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.losses import Words
 from paintit.guidance.prior import Prior, Reader
 from paintit.guidance.prompt import Prompts
@@ -97,9 +98,7 @@ class Method(ABC):
         self.prompts = Prompts.of(prompt, config, [region.name for region in focus_regions(mesh, config.views)])
         self.device, self.device_reason = choose_device(config.device)
         self.streams = Streams(config.seed)
-        self.prior = prior or load_prior(
-            config.guidance.prior, device=str(self.device), dtype=config.dtype, revision=config.guidance.revision
-        )
+        self.prior = prior or load_prior(config.guidance.prior, Loading.of(config, self.device))
         environment = light or prefilter(load_environment(config.light.path, config.light.exposure), self.device)
         self.light = environment.to(self.device)
         self.geometry = Geometry.from_mesh(mesh, self.device)

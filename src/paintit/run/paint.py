@@ -27,6 +27,7 @@ from paintit.export.seams import seam_figure
 from paintit.export.write import write
 from paintit.files import atomic, make_folder, output_error
 from paintit.guidance.load import load_prior
+from paintit.guidance.loading import Loading
 from paintit.guidance.prior import Prior
 from paintit.mesh.mesh import Mesh
 from paintit.paint import checkpoint
@@ -90,11 +91,7 @@ def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> 
     config = request.config
     device, _ = choose_device(config.device)
     environment = load_environment(config.light.path, config.light.exposure)  # before the prior, which may take minutes
-    guidance = config.guidance
-    prior = prior or load_prior(
-        guidance.prior, device=str(device), dtype=config.dtype, revision=guidance.revision,
-        allow_download=request.allow_download,
-    )  # fmt: skip
+    prior = prior or load_prior(config.guidance.prior, Loading.of(config, device, request.allow_download))
     fixed = unpainted_maps(mesh, config.texture.size)
     return make_painter(mesh, prompt, config, prior, prefilter(environment, device), fixed)
 

@@ -9,6 +9,7 @@ from paintit.device import choose_device, native_bfloat16
 from paintit.errors import PriorError
 from paintit.guidance.known import known_prior
 from paintit.guidance.load import load_prior, on_this_machine
+from paintit.guidance.loading import Loading
 from paintit.guidance.prompt import Prompts
 from paintit.guidance.sampling import sampling_prior
 from paintit.mesh.mesh import Mesh
@@ -98,7 +99,7 @@ def _prior(request: Request) -> str:
             "will be downloaded" if request.allow_download else "add --allow-download to fetch it"
         )
     try:
-        prior = load_prior(guidance.prior, dtype=request.config.dtype, revision=guidance.revision)
+        prior = load_prior(guidance.prior, Loading.of(request.config))
     except PriorError as error:
         if error.code in ("prior.unknown", "prior.missing", "prior.file"):
             raise
