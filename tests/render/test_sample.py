@@ -8,10 +8,20 @@ import pytest
 import torch
 from torch import Tensor
 
+from paintit.render import sample as sampling
 from paintit.render.camera import look_at
 from paintit.render.gbuffer import rasterize
 from paintit.render.geometry import Geometry
-from paintit.render.sample import Pyramid, build_pyramid, contributions, level_of_detail, lookup, mip_levels, sample
+from paintit.render.sample import (
+    Pyramid,
+    build_pyramid,
+    contributions,
+    level_of_detail,
+    lookup,
+    mip_levels,
+    sample,
+    take_rows,
+)
 
 
 def random_lookup(count: int, layers: int, seed: int = 0, dtype: torch.dtype = torch.float32):
@@ -108,6 +118,21 @@ def test_gradients_against_finite_differences() -> None:
     layer, uv, footprint = random_lookup(20, 2, dtype=torch.float64)
     assert torch.autograd.gradcheck(lambda m: sample(m, layer, uv, footprint), (maps,))
     assert torch.autograd.gradcheck(lambda x: sample(maps.detach(), layer, x, footprint), (uv.requires_grad_(),))
+
+
+def test_gradient_of_rows_is_the_embeddings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taken twice or never, in more blocks than one, the last one short."""
+    monkeypatch.setattr(sampling, "_BLOCK", 7)
+    generator = torch.Generator().manual_seed(0)
+    index = torch.randint(9, (4, 5), generator=generator)
+    weight = torch.randn(4, 5, 3, generator=generator)
+    gradients = []
+    for take in (take_rows, lambda table, index: torch.nn.functional.embedding(index, table)):
+        table = torch.rand(12, 3, generator=torch.Generator().manual_seed(1)).requires_grad_()
+        taken = take(table, index)
+        assert torch.equal(taken, table[index])
+        gradients.append(torch.autograd.grad((taken * weight).sum(), table)[0])
+    torch.testing.assert_close(*gradients)
 
 
 def test_backward_is_deterministic_with_threads() -> None:

@@ -13,6 +13,7 @@ from paintit.errors import UsageError
 from paintit.texture.contract import decode
 from paintit.texture.dcpbr import DCPBR, enlarge, enlarge_slices
 from paintit.texture.field import TextureField, make_field
+from paintit.texture.maps import TextureMaps
 from paintit.texture.pixels import Pixels, total_variation
 
 SMALL = TextureConfig(size=32, widths=(8, 12, 16), skip_widths=(4, 6, 8))
@@ -46,6 +47,21 @@ def test_channel_order_and_ends_of_the_ranges() -> None:
     length = math.sqrt(0.1**2 + 0.1**2 + 0.9**2)
     assert maps.normal.flatten().tolist() == pytest.approx([0.1 / length, -0.1 / length, 0.9 / length])
     assert decode(-logits, 0.08, 0.1).roughness.item() == pytest.approx(0.08)
+
+
+def test_gradient_against_finite_differences() -> None:
+    """On both branches of the sRGB curve (it is linear below a logit of -3.2)."""
+    logits = 3 * torch.randn(2, 8, 3, 5, generator=seeded(), dtype=torch.float64)
+    logits[0, :3, 0] = -4 + 0.1 * logits[0, :3, 0]
+    assert torch.autograd.gradcheck(lambda x: decode(x, 0.08, 0.1).packed(), logits.requires_grad_())
+
+
+def test_packing_what_was_packed_costs_nothing_and_is_never_stale() -> None:
+    packed = torch.rand(1, 4, 4, 8, generator=seeded())
+    maps = TextureMaps.unpacked(packed)
+    assert maps.packed() is packed
+    white = dataclasses.replace(maps, base_color=torch.ones(1, 4, 4, 3))
+    assert torch.equal(white.packed(), torch.cat([torch.ones(1, 4, 4, 3), packed[..., 3:]], -1))
 
 
 @pytest.mark.parametrize("config", [SMALL, HALF, PIXELS], ids=name)

@@ -69,7 +69,7 @@ class PocketPrior:
         self.device, self.dtype = torch.device(device), dtype
         self.spec = PriorSpec(
             id="pocket", family="pocket", revision=digest, licence="Apache-2.0", resolution=config.resolution,
-            prediction_type="v_prediction", guidance_scale=7.5, movable=True,
+            prediction_type="v_prediction", guidance_scale=3.0, movable=True,
         )  # fmt: skip
 
     @classmethod
@@ -120,11 +120,13 @@ class PocketPrior:
 
     @torch.no_grad()
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor:
-        """The ``sees`` channels (n, h, w, c) -> (n, 10, 32, 32), see :func:`pocket_net.pack_geometry`."""
+        """The ``sees`` channels (n, h, w, c) -> (n, places, 32, 32), see :func:`pocket_net.pack_geometry` and
+        :meth:`PocketNet.places`: once a step, however often the network is asked about it."""
         mask = channels["mask"].to(channels["normal"].dtype)
-        return pack_geometry(
+        packed = pack_geometry(
             channels["normal"], mask, channels["position"], channels["normal_object"], self.net.config.resolution
         )
+        return self.net.places(packed.to(self.device, self.dtype), self.dtype).movedim(-1, 1)
 
     @torch.no_grad()
     def mean_material(self, prompt: str) -> Tensor:
@@ -145,12 +147,14 @@ class PocketPrior:
         """
         n = len(x_t)
         if geometry is None:
-            geometry = x_t.new_zeros(n, self.net.config.geometry, *x_t.shape[2:])
+            nothing = x_t.new_zeros(n, self.net.config.geometry, *x_t.shape[2:])
+            places = self.net.places(nothing.to(self.device), self.dtype)
+        else:
+            places = geometry.to(self.device, self.dtype).movedim(1, -1)
         longest = int(text[..., -1].sum(1).max())  # rows after the longest prompt are padding
-        inputs = (a.to(self.device, self.dtype) for a in (x_t, text[:, :longest], geometry))
-        noisy, words, shown = inputs
+        noisy, words = (a.to(self.device, self.dtype) for a in (x_t, text[:, :longest]))
         level = torch.full((n,), float(t), device=self.device)
-        v = self.net(noisy, level, words, shown).to(x_t)
+        v = self.net.denoise(noisy, level, words, places).to(x_t)
         alpha, sigma = (a.to(x_t) for a in alpha_sigma(t))
         clean = (alpha * x_t - sigma * v).clamp(-1, 1)
         return (x_t - alpha * clean) / sigma.clamp_min(1e-4)

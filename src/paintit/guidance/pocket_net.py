@@ -252,12 +252,15 @@ class PocketNet(nn.Module):
 
     def forward(self, x: Tensor, t: Tensor, text: Tensor, geometry: Tensor) -> Tensor:
         """v (n, channels, s, s) of x (same), t (n,) in [0, 1], text of :class:`TextEncoder`, geometry (n, 10, s, s)."""
+        autocast = torch.is_autocast_enabled(x.device.type)
+        low = torch.get_autocast_dtype(x.device.type) if autocast else x.dtype
+        return self.denoise(x.to(low), t, text, self.places(geometry, low))
+
+    def denoise(self, x: Tensor, t: Tensor, text: Tensor, places: Tensor) -> Tensor:
+        """:meth:`forward` of geometry that :meth:`places` has been made of, in the type of ``x``."""
         tokens, valid = text[..., :-1], text[..., -1] > 0.5
         time = self.time(sinusoids(t * 1000, 64, 10000.0).to(tokens.dtype))
         condition = F.silu(time + self.summary(tokens[:, 0]))
-        low = torch.get_autocast_dtype(x.device.type) if torch.is_autocast_enabled(x.device.type) else x.dtype
-        x = x.to(low)
-        places = self.places(geometry, low)
         lifted = F.silu(self.lift(places)).movedim(-1, 1)
         h = self.stem(F.pixel_unshuffle(torch.cat([x, lifted], 1), 2))
         for block in self.encoder:
@@ -275,7 +278,7 @@ class PocketNet(nn.Module):
         for block in self.decoder:
             h = block(h, condition)
         h = F.pixel_shuffle(self.out(F.silu(self.out_norm(h))), 2)
-        pixels = torch.cat([h.to(low), x], 1).movedim(1, -1)
+        pixels = torch.cat([h.to(x.dtype), x], 1).movedim(1, -1)
         return self.head(pixels.flatten(1, 2), places.flatten(1, 2), condition).unflatten(1, x.shape[2:]).movedim(-1, 1)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.uv import nearest_covered, rasterize_uv
+from paintit.render.sample import take_rows
 from paintit.texture.maps import TextureMaps
 
 
@@ -26,12 +26,14 @@ class Gutters:
 
     def __init__(self, mesh: Mesh, size: int, device: torch.device) -> None:
         covered = rasterize_uv(mesh, size).covered
-        self._nearest = torch.from_numpy(nearest_covered(covered)).to(device)
+        nearest = torch.from_numpy(nearest_covered(covered)).to(device).flatten()
+        self._outside = (nearest != torch.arange(len(nearest), device=device)).nonzero()[:, 0]
+        self._nearest = nearest[self._outside]
 
     def __call__(self, maps: TextureMaps) -> TextureMaps:
         return TextureMaps.unpacked(self.filled(maps.packed()))
 
     def filled(self, image: Tensor) -> Tensor:
         """The same for any (layers, size, size, c)."""
-        # embedding, not indexing: its backward pass is deterministic on the CPU whatever the thread count.
-        return F.embedding(self._nearest, image.reshape(-1, image.shape[-1]))
+        flat = image.reshape(-1, image.shape[-1])
+        return flat.index_copy(0, self._outside, take_rows(flat, self._nearest)).view(image.shape)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -23,6 +23,8 @@ class TextureMaps:
     roughness: Tensor
     metallic: Tensor
     normal: Tensor
+    _whole: Tensor | None = field(default=None, init=False, repr=False, compare=False)
+    """The tensor that these are parts of, where :meth:`unpacked` made them, so that packing costs nothing."""
 
     @property
     def layers(self) -> int:
@@ -35,13 +37,17 @@ class TextureMaps:
 
     def packed(self) -> Tensor:
         """(layers, h, w, 8): base colour, roughness, metallic, normal. For sampling all channels in one lookup."""
+        if self._whole is not None:
+            return self._whole
         return torch.cat([self.base_color, self.roughness, self.metallic, self.normal], -1)
 
     @classmethod
     def unpacked(cls, packed: Tensor) -> TextureMaps:
         """Inverse of :meth:`packed`."""
         base_color, roughness, metallic, normal = packed.split([3, 1, 1, 3], -1)
-        return cls(base_color, roughness, metallic, normal)
+        maps = cls(base_color, roughness, metallic, normal)
+        object.__setattr__(maps, "_whole", packed)  # frozen
+        return maps
 
     def detach(self) -> TextureMaps:
         return TextureMaps.unpacked(self.packed().detach())
