@@ -2,6 +2,8 @@
 # make test     install, run the tests (about five minutes on two cores)
 # make lint     ruff, pyright, the layer contract
 # make bench    seconds per step, split by stage, at three mesh sizes; ratios within one run
+# make bench-gpu  one step in the paper's setting, full-size Stable Diffusion 2.1 with random weights, stage by stage: ms, TFLOP,
+#               memory, against plain float32; without a GPU reduced to two minutes; ARGS="--steps 1000" paints one whole
 # make test-slow  the checks that take minutes each
 # make judge    our pictures against Cycles and three.js (needs a Chromium) and Mitsuba, and maps recovered from renders; about
 #               an hour
@@ -15,7 +17,7 @@ PROMPT ?= a brown and white dairy cow with short fur
 MESH   ?= assets/meshes/spot/spot.obj
 OUTPUT ?= outputs/spot.glb
 
-.PHONY: paint test test-slow lint bench judge reproduce train-pocket clean
+.PHONY: paint test test-slow lint bench bench-gpu judge reproduce train-pocket clean
 .DEFAULT_GOAL := paint
 
 $(BIN)/paintit: pyproject.toml constraints.txt
@@ -48,6 +50,9 @@ lint: $(VENV)/.dev
 
 bench: $(BIN)/paintit
 	$(BIN)/python benchmarks/step.py
+
+bench-gpu: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.gpu $(ARGS)
 
 judge: $(VENV)/.dev tests/node_modules
 	$(BIN)/python -m benchmarks.viewers

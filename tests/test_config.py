@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import pytest
 
-from paintit.config import PAPER, POCKET, PRESETS, FocusConfig, PaintConfig, preset, to_dict
+from paintit.config import PAPER, POCKET, PRESETS, FocusConfig, PaintConfig, preset, to_dict, with_prior
 from paintit.errors import UsageError
 from paintit.settings import CHANNELS, dump_toml, from_dict, load_toml, merge, names, nearest, same_settings, validate
 
@@ -172,3 +172,30 @@ def test_settings_of_an_older_version_are_the_same_where_the_new_ones_stand_at_t
     assert not same_settings(older, now | {"method": "projection"})
     assert not same_settings(older, now | {"seed": 1})
     assert not same_settings(older | {"gone": 1}, now)
+
+
+def scales(config: PaintConfig) -> tuple[float | None, float | None, float | None]:
+    return config.guidance.scale, config.guidance.scale_end, config.projection.scale
+
+
+def test_the_scales_of_a_preset_are_those_of_its_prior_alone() -> None:
+    assert scales(POCKET) == (3.0, 1.5, 2.0)
+    assert scales(PAPER) == (101.0, None, 7.5)
+    assert with_prior(POCKET, "pocket") is POCKET
+    assert scales(with_prior(POCKET, "klein")) == (None, None, None)
+    assert scales(merge(POCKET, {"guidance.prior": "klein"})) == (None, None, None)
+    assert scales(merge(POCKET, {"guidance.prior": "pocket", "seed": 3})) == scales(POCKET)
+    assert scales(merge(PAPER, {"guidance.prior": "sd15", "guidance.scale": 50})) == (50.0, None, None)
+    assert scales(merge(POCKET, {"guidance.scale": "auto", "projection.scale": "auto"})) == (None, 1.5, None)
+
+
+def test_the_word_auto_is_written_and_read(tmp_path: Path) -> None:
+    path = tmp_path / "some.toml"
+    config = merge(POCKET, {"guidance.prior": "klein"})
+    path.write_text(dump_toml(config), "utf-8")
+    assert 'scale = "auto"\nscale_end = "none"' in path.read_text("utf-8")
+    assert load_toml(path, PAPER) == config
+    path.write_text('[guidance]\nprior = "sd15"\n')
+    assert scales(load_toml(path)) == (None, None, None)
+    path.write_text('[guidance]\nprior = "sd15"\nscale = 7\n')
+    assert scales(load_toml(path)) == (7.0, None, None)

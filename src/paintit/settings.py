@@ -23,18 +23,23 @@ from paintit.config import (
     plain,
     preset,
     to_dict,
+    with_prior,
     word_for_none,
 )  # fmt: skip
+from paintit.control import Control
 from paintit.errors import UsageError
+from paintit.scaled import scaled
 
 
 def from_dict(data: Mapping[str, Any], base: PaintConfig = POCKET) -> PaintConfig:
-    """``base`` with the values of a nested dict put in their places.
+    """``base`` with the values of a nested dict put in their places; see :func:`with_prior` where the prior changes.
 
     Raises:
         UsageError: an unknown key (the nearest one is named), or a value of the wrong type or out of range.
     """
-    config = _merge(base, data, "")
+    guidance = data.get("guidance")
+    prior = guidance.get("prior") if isinstance(guidance, Mapping) else None
+    config = _merge(with_prior(base, prior) if isinstance(prior, str) else base, data, "")
     validate(config)
     return config
 
@@ -224,6 +229,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "views.background": (0, 1),
     "guidance.scale": (-math.inf, math.inf),
     "guidance.rescale": (0, 1),
+    "guidance.control_end": (0, 1),
     "optim.steps": (1, 10_000_000),
     "optim.decay": (0, 1),
     "optim.decay_every": (1, 10_000_000),
@@ -234,6 +240,9 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "projection.eta": (0, 1),
     "projection.refine": (0, 1),
     "projection.better": (1, 1000),
+    "compute.memory": (0.1, 1e6),
+    "compute.chunk": (0, 1_000_000),
+    "compute.recompute": (0, 1_000_000),
     "limits.file_mib": (1, 1_000_000_000),
     "limits.faces": (1, 1_000_000_000),
     "limits.nodes": (1, 1_000_000_000),
@@ -292,11 +301,14 @@ def validate(config: PaintConfig) -> None:
             _refuse(f"views.focus[{index}].center", focus.center, "it must be three finite numbers")
     if "{prompt}" not in config.prompt.template:
         _refuse("prompt.template", config.prompt.template, "it must contain {prompt}")
-    if not re.fullmatch(r"auto|cpu|mps|cuda(:\d+)?", config.device):
-        _refuse("device", config.device, "choose auto, cpu, cuda, cuda:N or mps")
+    if not re.fullmatch(r"auto|mps|(cpu|cuda(:\d+)?)(,(cpu|cuda(:\d+)?))*", config.device):
+        _refuse("device", config.device, "choose auto, cpu, cuda, cuda:N, mps, or several GPUs as cuda:0,cuda:1")
     for channel in config.guidance.reads:
         if channel not in CHANNELS:
             _refuse("guidance.reads", config.guidance.reads, f"choose from {', '.join(CHANNELS)}")
+    _validate_control(config.guidance.control)
+    _validate_compute(config)
+    _validate_additions(config.guidance)
     if not config.guidance.prior.strip():
         _refuse("guidance.prior", config.guidance.prior, "name one; 'paintit priors list' shows them")
 
@@ -315,6 +327,27 @@ def _validate_loss(guidance: GuidanceConfig, prompt: PromptConfig) -> None:
     if guidance.timesteps == "non-increasing" and guidance.t_end[0] > guidance.t_start[1]:
         remedy = f"with non-increasing timesteps its lowest must not be above {guidance.t_start[1]}, where they start"
         _refuse("guidance.t_end", guidance.t_end, remedy)
+
+
+def _validate_compute(config: PaintConfig) -> None:
+    if config.compute.compile == "on" and config.compute.offload:
+        _refuse("compute.compile", "on", "with compute.offload it must be auto or off: weights would come and go")
+
+
+def _validate_control(texts: tuple[str, ...]) -> None:
+    kinds = [Control.parse(text).kind for text in texts]
+    for kind in kinds:
+        if kinds.count(kind) > 1:
+            _refuse("guidance.control", texts, f"name {kind} once")
+
+
+def _validate_additions(guidance: GuidanceConfig) -> None:
+    for text in guidance.lora:
+        scaled(text, "guidance.lora")
+    if guidance.reference and scaled(guidance.reference, "guidance.reference")[1] < 0:
+        _refuse("guidance.reference", guidance.reference, "its scale must be 0 or more")
+    if guidance.adapter and not guidance.reference:
+        _refuse("guidance.adapter", guidance.adapter, "it needs a picture: --reference IMAGE")
 
 
 def _validate_texture(texture: TextureConfig) -> None:

@@ -47,7 +47,8 @@ def test_flags_may_stand_anywhere() -> None:
 def test_an_alias_sets_what_its_long_name_sets(name: str, alias: str) -> None:
     value = {"texture.size": "64", "light.path": "a.hdr", "views.count": "3", "views.size": "96",
              "views.focus": "1,2,3,4", "prompt.negative": "ugly", "guidance.prior": "sd15",
-             "optim.steps": "3", "materials": "wood"}[name]  # fmt: skip
+             "guidance.control": "depth:0.5", "guidance.lora": "style.safetensors", "guidance.reference": "a.png",
+             "compute.memory": "8", "optim.steps": "3", "materials": "wood"}[name]  # fmt: skip
     assert settings(alias, value) == settings(f"--{name}", value) != POCKET
 
 
@@ -75,6 +76,30 @@ def test_special_forms() -> None:
     assert settings("--preset", "paper", "--light.rotation", "random").light.rotation is None
     assert settings("--views.elevation", "-10", "20").views.elevation == (-10.0, 20.0)
     assert settings("--texture.widths", "8", "16", "--texture.skip-widths", "4", "4").texture.widths == (8, 16)
+
+
+def test_controls_may_be_repeated() -> None:
+    config = settings("--control", "depth", "--steps", "3", "--control=normal=a/b:0.5", "--guidance.control", "depth")
+    assert config.guidance.control == ("depth", "normal=a/b:0.5", "depth"), "and validate refuses the second depth"
+    assert settings("--steps", "3").guidance.control == ()
+
+
+def test_another_prior_comes_with_its_own_scale(tmp_path: Path) -> None:
+    def scales(*arguments: str) -> tuple[float | None, float | None, float | None]:
+        config = settings(*arguments)
+        return config.guidance.scale, config.guidance.scale_end, config.projection.scale
+
+    assert scales() == scales("--prior", "pocket") == (3.0, 1.5, 2.0)
+    assert scales("--preset", "paper") == (101.0, None, 7.5)
+    for flag in ("--prior=klein", "--guidance.prior=klein"):
+        assert scales(flag) == scales("--preset", "paper", flag) == (None, None, None)
+    assert scales("--prior", "klein", "--guidance.scale", "4", "--guidance.scale-end", "2") == (4.0, 2.0, None)
+    assert scales("--guidance.scale", "auto", "--projection.scale=auto") == (None, 1.5, None)
+    toml = tmp_path / "some.toml"
+    toml.write_text('[guidance]\nprior = "sd15"\nscale = 50\n')
+    assert scales("--config", str(toml)) == (50.0, None, None)
+    assert scales("--config", str(toml), "--prior", "sdxl") == (None, None, None)
+    assert scales("--config", str(toml), "--prior", "sd15") == (50.0, None, None)
 
 
 def test_global_flags_are_found_anywhere_before_a_double_dash() -> None:

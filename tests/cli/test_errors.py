@@ -164,7 +164,20 @@ CASES: dict[str, tuple[list[str], int, str]] = {
         "error: --focus is '1,2'; write x,y,z,radius or x,y,z,radius,name",
     ),
     "device": (
-        ["cube.obj", "red", "--device", "gpu"], 2, 'error: device is "gpu"; choose auto, cpu, cuda, cuda:N or mps'
+        ["cube.obj", "red", "--device", "gpu"], 2,
+        'error: device is "gpu"; choose auto, cpu, cuda, cuda:N, mps, or several GPUs as cuda:0,cuda:1'
+    ),
+    "devices, one empty": (
+        ["cube.obj", "red", "--device", "cuda:0,"], 2,
+        'error: device is "cuda:0,"; choose auto, cpu, cuda, cuda:N, mps, or several GPUs as cuda:0,cuda:1'
+    ),
+    "devices of two kinds": (
+        ["cube.obj", "red", "--device", "cuda:0,cpu"], 2,
+        "error: devices 'cuda:0,cpu' are not of one kind; name GPUs only: cuda:0,cuda:1",
+    ),
+    "a device twice": (
+        ["cube.obj", "red", "--device", "cuda,cuda:0"], 2,
+        "error: devices 'cuda,cuda:0' name one twice; name each GPU once: cuda:0,cuda:1",
     ),
     "resume nothing": (
         ["--resume", "nowhere"], 1,

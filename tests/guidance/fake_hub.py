@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,12 +27,14 @@ class FakeHub:
     Attributes:
         folders: repository -> the folder with its files.
         refusals: repository -> (status, X-Error-Code), for everything in it.
+        gone: commits that it does not have; it has all others, with the same files.
         closed: repositories whose names are told and whose files are not, as the real hub does with gated ones.
     """
 
     folders: dict[str, Path] = field(default_factory=dict)
     refusals: dict[str, tuple[int, str]] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
+    gone: set[str] = field(default_factory=set)
     licence: str = "test-licence"
     requests: list[str] = field(default_factory=list)
     tokens: set[str] = field(default_factory=set)
@@ -40,8 +43,8 @@ class FakeHub:
     @property
     def fetched(self) -> list[str]:
         """Files that were asked for."""
-        return sorted(path.split(f"/resolve/{COMMIT}/")[1] for path in self.requests if path.startswith("GET ") and
-                      f"/resolve/{COMMIT}/" in path)  # fmt: skip
+        found = (re.fullmatch(r"GET /.*/resolve/[0-9a-f]{40}/(.*)", path) for path in self.requests)
+        return sorted(path[1] for path in found if path)
 
 
 @contextmanager
@@ -87,6 +90,8 @@ def _handler(hub: FakeHub) -> type[BaseHTTPRequestHandler]:
                 hub.tokens.add(token)
             words = path.removeprefix("/api/models").strip("/").split("/")
             source, rest = "/".join(words[:2]), words[2:]
+            named = rest[1] if len(rest) > 1 else "main"
+            self.commit = named if re.fullmatch("[0-9a-f]{40}", named) else COMMIT
             if source in hub.refusals:
                 self._refuse(*hub.refusals[source])
             elif source not in hub.folders:
@@ -95,11 +100,11 @@ def _handler(hub: FakeHub) -> type[BaseHTTPRequestHandler]:
                 self._file(source, "/".join(rest[2:]))
             elif rest[:1] == ["tree"]:
                 self._json([{"type": "file", "path": n, "size": s, "oid": n} for n, s in _files(hub.folders[source])])
-            elif rest[:1] == ["revision"] and rest[1] not in ("main", COMMIT):
+            elif rest[:1] == ["revision"] and (named not in ("main", self.commit) or named in hub.gone):
                 self._refuse(404, "RevisionNotFound")
             else:
                 names = [{"rfilename": name, "size": size} for name, size in _files(hub.folders[source])]
-                self._json({"id": source, "sha": COMMIT, "siblings": names, "cardData": {"license": hub.licence}})
+                self._json({"id": source, "sha": self.commit, "siblings": names, "cardData": {"license": hub.licence}})
 
         def _file(self, source: str, name: str) -> None:
             file = hub.folders[source] / name
@@ -118,7 +123,7 @@ def _handler(hub: FakeHub) -> type[BaseHTTPRequestHandler]:
 
         def _send(self, body: bytes, headers: dict[str, str], status: int = 200) -> None:
             self.send_response(status)
-            for name, value in {**headers, "X-Repo-Commit": COMMIT, "Content-Length": str(len(body))}.items():
+            for name, value in {**headers, "X-Repo-Commit": self.commit, "Content-Length": str(len(body))}.items():
                 self.send_header(name, value)
             self.end_headers()
             if self.command != "HEAD":

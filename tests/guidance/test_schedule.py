@@ -7,9 +7,9 @@ import math
 import pytest
 import torch
 
-from paintit.config import GuidanceConfig
+from paintit.config import PAPER, POCKET, GuidanceConfig, with_prior
 from paintit.errors import UsageError
-from paintit.guidance.schedule import PUBLISHED, sample_t, timestep_range
+from paintit.guidance.schedule import PUBLISHED, choose_scale, sample_t, timestep_range, with_scales
 
 
 @pytest.mark.parametrize("schedule", ["paper", "official"])
@@ -57,3 +57,22 @@ def test_refusals_name_the_value(arguments: tuple, value: str) -> None:
         timestep_range(*arguments)
     assert value in caught.value.message
     assert caught.value.hint
+
+
+def test_scale_goes_linearly_to_its_end() -> None:
+    assert [choose_scale(GuidanceConfig(scale=3.0, scale_end=1.5), p) for p in (0.0, 0.5, 1.0)] == [3.0, 2.25, 1.5]
+    assert [choose_scale(GuidanceConfig(scale=101.0), p) for p in (0.0, 1.0)] == [101.0, 101.0]
+    with pytest.raises(ValueError, match="auto"):
+        choose_scale(GuidanceConfig(), 0.0)
+
+
+@pytest.mark.parametrize(("own", "sampling"), [(1.0, 1.0), (101.0, 7.5), (21.0, 7.5), (3.0, 3.0)])
+def test_auto_is_the_priors_own(own: float, sampling: float) -> None:
+    used = with_scales(with_prior(POCKET, "another"), own)
+    assert (used.guidance.scale, used.guidance.scale_end, used.projection.scale) == (own, None, sampling)
+    assert choose_scale(used.guidance, 0.0) == choose_scale(used.guidance, 1.0) == own
+
+
+@pytest.mark.parametrize("preset", [POCKET, PAPER])
+def test_a_number_stays(preset) -> None:
+    assert with_scales(preset, 55.0) == preset

@@ -13,7 +13,6 @@ from tests.guidance.contract import check_prior, make_channels
 from tests.guidance.pipeline_step import guided_noise, pipeline_steps
 from tests.guidance.tiny import save_tiny_sdxl
 
-from paintit.cli.main import main
 from paintit.errors import PriorError
 from paintit.guidance.load import load_prior
 from paintit.guidance.loading import Loading
@@ -189,7 +188,7 @@ def test_a_perfect_model_has_no_gradient(prior: SDXLPrior, monkeypatch: pytest.M
     text = prior.encode_text(["a", "b"])
     scheduler = DDPMScheduler(beta_start=0.00085, beta_end=0.012, beta_schedule="scaled_linear")
 
-    def perfect(x_t: torch.Tensor, timestep: int, text: torch.Tensor) -> torch.Tensor:
+    def perfect(x_t: torch.Tensor, timestep: int, text: torch.Tensor, geometry: None) -> torch.Tensor:
         if prior.spec.prediction_type == "epsilon":
             return noise.repeat(2, 1, 1, 1)
         return scheduler.get_velocity(x, noise, torch.full((2,), timestep)).repeat(2, 1, 1, 1)
@@ -236,16 +235,3 @@ def test_inpainting_network_and_refiner_are_refused(checkpoints: dict[str, Path]
             SDXLPrior.load(folder)
         assert caught.value.code == "prior.kind"
         assert "base" in caught.value.hint
-
-
-def test_command_paints_a_mesh_whole(
-    checkpoints: dict[str, Path], assets: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "spot.glb"
-    arguments = ["paint", assets / "meshes/spot/spot.obj", "a red cow", "-o", out, "--prior", checkpoints["epsilon"]]
-    sizes = ["--steps", "2", "--views", "2", "--texture-size", "128", "--render-size", "32"]
-    assert main([str(argument) for argument in [*arguments, *sizes]]) == 0
-    assert capsys.readouterr().out.strip() == str(out)
-    record = json.loads(next(tmp_path.rglob("run.json")).read_text())
-    assert record["prior"]["family"] == "sdxl"
-    assert record["outcome"] == "finished after 2 of 2 steps"

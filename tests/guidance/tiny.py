@@ -91,6 +91,21 @@ def save_tiny_sdxl(
     return _save(folder, "StableDiffusionXLPipeline", parts, force_zeros_for_empty_prompt=zeros)
 
 
+def save_tiny_controlnet(folder: Path, checkpoint: Path, seed: int = 0) -> Path:
+    """A ControlNet for the U-Net of the tiny ``checkpoint``, in ``folder``. Its last layers, zero in one that is not
+    trained yet, are random."""
+    from diffusers import ControlNetModel, UNet2DConditionModel
+
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        unet = UNet2DConditionModel.from_pretrained(checkpoint / "unet")
+        net = ControlNetModel.from_unet(unet, conditioning_embedding_out_channels=(8, 16))
+        for layer in (*net.controlnet_down_blocks, net.controlnet_mid_block, net.controlnet_cond_embedding.conv_out):
+            torch.nn.init.normal_(layer.weight, std=0.2)
+    net.save_pretrained(folder)
+    return folder
+
+
 def save_tiny_if(folder: Path) -> Path:
     """A DeepFloyd IF checkpoint (stage I) in ``folder``; 16 pixels, tokens by SentencePiece as in the real one."""
     from diffusers import DDPMScheduler, UNet2DConditionModel
@@ -163,6 +178,23 @@ def tiny_vae(scaling_factor: float, **config: Any) -> Any:
         scaling_factor=scaling_factor,
         **config,
     )
+
+
+def save_tiny_autoencoder(folder: Path, channels: int = 4, levels: int = 2) -> Path:
+    """An AutoencoderTiny in ``folder``, with ``levels`` - 1 halvings."""
+    from diffusers import AutoencoderTiny
+
+    widths, blocks = (8,) * levels, (1,) * levels
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        AutoencoderTiny(
+            latent_channels=channels,
+            encoder_block_out_channels=widths,
+            decoder_block_out_channels=widths,
+            num_encoder_blocks=blocks,
+            num_decoder_blocks=blocks,
+        ).save_pretrained(folder)
+    return folder
 
 
 def save_clip_tokenizer(folder: Path) -> None:

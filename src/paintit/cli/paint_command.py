@@ -11,7 +11,7 @@ import tyro
 
 from paintit.cli.console import Console, Result, size_text, table
 from paintit.cli.parse import check_range, gather, parse, peek
-from paintit.config import POCKET, PRESETS, PaintConfig, preset
+from paintit.config import POCKET, PRESETS, PaintConfig, preset, with_prior
 from paintit.errors import UsageError
 from paintit.settings import load_toml, validate
 
@@ -23,9 +23,9 @@ ABOUT = """Make textures for a mesh from a sentence.
 Example:  paintit paint chair.obj "a carved oak chair with a red velvet seat" -o chair.glb
 
 A preset gives every setting; --config FILE replaces some; flags replace those. Everyday flags: -o --preset --config
---resume --method --prior --negative --steps --views --seed --texture-size --render-size --light --focus --no-focus
---pose --material --exclude --unwrap --device --dtype --snapshot-every --preview --turntable --dry-run --overwrite. For
-every command: --json -v -q --offline --no-color."""
+--resume --method --prior --control --lora --reference --negative --steps --views --seed --texture-size --render-size
+--light --focus --no-focus --pose --material --exclude --unwrap --device --dtype --memory --snapshot-every --preview
+--turntable --dry-run --overwrite. For every command: --json -v -q --offline --no-color."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class PaintArguments:
 
 
 def defaults(arguments: Sequence[str]) -> PaintConfig:
-    """What the flags go over: the preset, the TOML file over it, or the settings of the run that is resumed."""
+    """What the flags go over: the preset, the TOML file over it, or the settings of the run that is resumed; and the
+    scales of the prior that a flag names."""
     resume, file, name = (peek(arguments, flag) for flag in ("--resume", "--config", "--preset"))
     if resume is not None:
         from paintit.run.folder import find
@@ -72,9 +73,9 @@ def defaults(arguments: Sequence[str]) -> PaintConfig:
                              "leave out --preset and --config")  # fmt: skip
         return settings_of(find(Path(resume)))
     base = preset(name) if name is not None and name in PRESETS else None
-    if file is not None:
-        return load_toml(Path(file), base)
-    return base or POCKET
+    config = load_toml(Path(file), base) if file is not None else base or POCKET
+    prior = peek(arguments, "--prior") or peek(arguments, "--guidance.prior")
+    return config if prior is None else with_prior(config, prior)
 
 
 def parse_arguments(arguments: Sequence[str]) -> PaintArguments:
@@ -88,6 +89,8 @@ def parse_arguments(arguments: Sequence[str]) -> PaintArguments:
     joined = gather(arguments, "--focus", ["--views.focus"])
     joined = gather(joined, "--material", ["--materials"])
     joined = gather(joined, "--exclude")
+    joined = gather(joined, "--control", ["--guidance.control"])
+    joined = gather(joined, "--lora", ["--guidance.lora"])
     return parse(PaintArguments, joined, "paintit paint", ABOUT, PaintArguments(settings=base))
 
 

@@ -25,7 +25,7 @@ from tyro.constructors import (
 
 from paintit import config
 from paintit.cli.globals import GLOBAL_FLAGS
-from paintit.config import NONE, RANDOM, FocusConfig, PaintConfig
+from paintit.config import AUTO, NONE, RANDOM, FocusConfig, PaintConfig
 from paintit.errors import UsageError
 from paintit.settings import nearest
 
@@ -40,7 +40,11 @@ ALIASES = {
     "views.focus": "--focus",
     "prompt.negative": "--negative",
     "guidance.prior": "--prior",
+    "guidance.control": "--control",
+    "guidance.lora": "--lora",
+    "guidance.reference": "--reference",
     "optim.steps": "--steps",
+    "compute.memory": "--memory",
     "materials": "--material",
 }
 #: Flags that turn a setting off, and how tyro spells them.
@@ -91,7 +95,10 @@ def _number_or(word: str, unit: str) -> PrimitiveConstructorSpec[float | None]:
 _SPECS: dict[str, Any] = {
     "views.focus": _FOCUS,
     "light.rotation": _number_or(RANDOM, "DEGREES"),
+    "guidance.scale": _number_or(AUTO, "FLOAT"),
     "guidance.scale_end": _number_or(NONE, "FLOAT"),
+    "projection.scale": _number_or(AUTO, "FLOAT"),
+    "compute.memory": _number_or(NONE, "GB"),
 }
 
 

@@ -87,6 +87,8 @@ def _show(name: str) -> Result:
         ),
         ("download", _where(entry)),
     ]
+    if info.control:
+        rows.append(("control", "\n".join(f"{kind}: {net}" for kind, net in info.control.items())))
     if info.withdrawn:
         rows.insert(5, ("withdrawn", "\n".join(info.withdrawn)))
     return Result(table(rows), entry)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import posixpath
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,6 +17,7 @@ from paintit.mesh.gltf_document import GltfDocument
 from paintit.mesh.gltf_texcoord import texcoord_of, transformed
 from paintit.mesh.limits import check_limit
 from paintit.mesh.mesh import Mesh, Part
+from paintit.picture import opened
 
 
 def document_of(mesh: Mesh) -> GltfDocument | None:
@@ -97,7 +97,7 @@ def image_pixels(data: bytes, limits: LimitConfig | None = None) -> NDArray[np.f
         MeshError: ``"image.unreadable"``; ``"mesh.limit"``, its header promises more pixels than ``limits`` allow.
     """
     try:
-        image = _opened(data)
+        image = opened(data)
         check_limit(limits or LimitConfig(), "image_megapixels", -(-image.width * image.height // 10**6),
                     f"megapixels of an image of {image.width} x {image.height}")  # fmt: skip
         image.load()
@@ -107,15 +107,6 @@ def image_pixels(data: bytes, limits: LimitConfig | None = None) -> NDArray[np.f
         grey = (np.asarray(image, np.float32) / 65535.0).clip(0, 1)
         return np.stack([grey, grey, grey, np.ones_like(grey)], -1)
     return np.asarray(image.convert("RGBA"), np.float32) / 255.0
-
-
-def _opened(data: bytes) -> Image.Image:
-    """The image with its header read. Pillow's own limit on pixels is lower than ours and cannot be passed in."""
-    theirs, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
-    try:
-        return Image.open(io.BytesIO(data))
-    finally:
-        Image.MAX_IMAGE_PIXELS = theirs
 
 
 def file_of(uri: Any) -> str:

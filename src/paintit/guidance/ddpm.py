@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
 
 import torch
 from torch import Tensor
 
 from paintit.errors import PriorError
+from paintit.guidance import controlnet, reference
+from paintit.guidance.additions import on_record
 from paintit.guidance.diffusers_prior import DiffusersPrior
+from paintit.guidance.economy import Footprint
+from paintit.guidance.hub import Checkpoint
 from paintit.guidance.loading import Loading
 
 PREDICTIONS = ("epsilon", "v_prediction", "sample")
@@ -19,20 +26,75 @@ class DdpmPrior(DiffusersPrior):
     """x_t = alpha x + sigma epsilon at the model's own training timesteps, alpha^2 = alphabar, sigma^2 = 1 - alphabar.
 
     t is rounded to the nearest timestep. A family says how one prompt is encoded and what its network predicts.
+
+    Attributes:
+        controls: ControlNets beside the network, which then sees what they need; None for none.
     """
+
+    controls: controlnet.Controls | None = None
 
     def __init__(self, pipeline: Any, *, id: str, revision: str = "", loading: Loading | None = None) -> None:
         self.unet = pipeline.unet
         self.alphas_cumprod: list[float] = pipeline.scheduler.alphas_cumprod.double().tolist()
         super().__init__(pipeline, id=id, revision=revision, loading=loading)
 
+    @classmethod
+    def load(cls, source: str | Path, loading: Loading | None = None) -> Self:
+        """As :meth:`DiffusersPrior.load`, with the ControlNets that ``loading.control`` names.
+
+        Raises:
+            PriorError: also where one of them is not there, or does not fit.
+        """
+        loading = loading or Loading()
+        found = controlnet.find(loading)  # before gigabytes are read
+        prior = super().load(source, loading)
+        if found:
+            prior._control(found, loading)
+        return prior
+
+    @classmethod
+    def footprint(cls, found: Checkpoint, loading: Loading) -> Footprint:
+        """What the checkpoint takes in memory, and the ControlNets; an IP-Adapter is a part of the network."""
+        plain = super().footprint(found, loading)
+        network = plain.network + reference.weigh(loading)
+        return replace(plain, network=network, controls=controlnet.weigh(loading))
+
+    def _control(self, found: list[Checkpoint], loading: Loading) -> None:
+        """Put ControlNets beside the network, and on the record."""
+        if self.sees:
+            hint = "leave --control out, or choose the text-to-image model of the same family"
+            raise PriorError("prior.control", f"'{self.spec.id}' sees {self.sees[0]} by itself", hint)
+        self.controls = controlnet.Controls.load(
+            found, self.unet, loading, id=self.spec.id, side=self.spec.resolution, factor=self.codec.factor
+        )
+        self.sees = self.controls.sees
+        pairs = zip(loading.control, found, strict=True)
+        words = (on_record(f"{control.kind} control", net.id, control.scale, net.revision) for control, net in pairs)
+        self.spec = replace(self.spec, added=(*self.spec.added, *words))
+
     @abstractmethod
-    def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
+    def _denoise(self, x_t: Tensor, timestep: Tensor, text: Tensor, geometry: Tensor | None) -> Tensor:
         """What the network predicts, in its own terms and any floating type, shaped like x_t.
 
         Args:
-            inputs: x_t, and behind it the channels of the geometry that the model sees.
+            geometry: from ``encode_geometry``; None where the model sees none.
         """
+
+    def _unpack(self, text: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """What a family packed, and the rows of the reference picture (b, 1, r, d); none where there is no picture."""
+        if self.reference is None:
+            return text, []
+        words, picture = self.reference.split(text)
+        return words, [picture[:, None]]
+
+    def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
+        """None, or the pictures (n, 3 per ControlNet, resolution, resolution) that the ControlNets look at."""
+        return self.controls.draw(channels) if self.controls else None
+
+    def pace(self, progress: float) -> None:
+        """The ControlNets' scale at this share of the paint."""
+        if self.controls:
+            self.controls.pace(progress)
 
     def timestep(self, t: float) -> int:
         """The training timestep nearest to the fraction t of the schedule."""
@@ -56,9 +118,13 @@ class DdpmPrior(DiffusersPrior):
         """
         if bool(self.sees) != (geometry is not None):
             raise ValueError(f"'{self.spec.id}' sees {self.sees or 'no geometry'}")
-        inputs = x_t if geometry is None else torch.cat([x_t, geometry.to(x_t)], 1)
-        step = self.timestep(t)
-        native = self._by_chunks(lambda part, words: self._denoise(part, step, words), inputs, text)
+        # A tensor: for a number, torch.compile would trace the network anew at every noise level.
+        step = torch.tensor(self.timestep(t), device=x_t.device)
+
+        def predict(x_t: Tensor, text: Tensor, geometry: Tensor | None = None) -> Tensor:
+            return self._denoise(x_t, step, text, geometry)
+
+        native = self._by_chunks(predict, x_t, text, *(() if geometry is None else (geometry,)))
         return to_epsilon(native.to(x_t), x_t, *self.alpha_sigma(t), self.spec.prediction_type)
 
     def weight(self, t: float) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import torch
 from torch import Tensor
 
 from paintit.errors import PriorError
@@ -72,9 +71,9 @@ class DeepFloydPrior(DdpmPrior):
         device = self.pipe.text_encoder.device
         return self.pipe.text_encoder(tokens.input_ids.to(device), attention_mask=tokens.attention_mask.to(device))[0]
 
-    def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
-        predicted = self.unet(inputs.to(self.unet.dtype), timestep, text.to(self.unet.dtype)).sample
-        return predicted[:, : inputs.shape[1]]
+    def _denoise(self, x_t: Tensor, timestep: Tensor, text: Tensor, geometry: Tensor | None) -> Tensor:
+        predicted = self.unet(x_t.to(self.unet.dtype), timestep, text.to(self.unet.dtype)).sample
+        return predicted[:, : x_t.shape[1]]
 
 
 class PixelCodec:
@@ -82,12 +81,12 @@ class PixelCodec:
 
     factor = 1
 
-    def __init__(self, unet: torch.nn.Module) -> None:
-        self._weight = next(unet.parameters())
+    def __init__(self, unet: Any) -> None:
+        self._unet = unet
 
     def encode(self, shaded: Tensor, side: int) -> Tensor:
-        """(n, h, w, 3), sRGB-coded in [0, 1] -> (n, 3, side, side) in [-1, 1], float32, where the network lies."""
-        return signed(shaded, side).to(self._weight.device)
+        """(n, h, w, 3), sRGB-coded in [0, 1] -> (n, 3, side, side) in [-1, 1], float32, where the network works."""
+        return signed(shaded, side).to(self._unet.device)
 
     def decode(self, x: Tensor) -> Tensor:
         """(n, 3, h, w) in [-1, 1] -> (n, h, w, 3) in [0, 1]."""

@@ -26,6 +26,14 @@ class Family:
     tokenizers: tuple[str, ...] = ("tokenizer",)
     optional: tuple[str, ...] = ()
     """Parts that a checkpoint may leave out."""
+    flow: bool = False
+    """Whether these are flow models: noise is added along a straight path, and the schedulers are FlowMatch ones."""
+    controlled: bool = False
+    """Whether ControlNets can stand beside its network."""
+    pictures: bool = False
+    """Whether it takes a reference picture, through an IP-Adapter."""
+    index: str = "model_index.json"
+    """The file that says of which class it is; ``config.json`` for a single network, whose folder is ``""``."""
 
 
 FAMILIES: dict[str, Family] = {
@@ -37,6 +45,8 @@ FAMILIES: dict[str, Family] = {
             "Stable Diffusion 1.x and 2.x",
             ("StableDiffusionPipeline", "StableDiffusionImg2ImgPipeline", "StableDiffusionDepth2ImgPipeline"),
             {"unet": _DIFFUSION, "vae": _DIFFUSION, "text_encoder": _MODEL},
+            controlled=True,
+            pictures=True,
         ),
         Family(
             "sdxl",
@@ -45,6 +55,8 @@ FAMILIES: dict[str, Family] = {
             ("StableDiffusionXLPipeline", "StableDiffusionXLImg2ImgPipeline"),
             {"unet": _DIFFUSION, "vae": _DIFFUSION, "text_encoder": _MODEL, "text_encoder_2": _MODEL},
             ("tokenizer", "tokenizer_2"),
+            controlled=True,
+            pictures=True,
         ),
         Family(
             "deepfloyd-if",
@@ -67,6 +79,7 @@ FAMILIES: dict[str, Family] = {
             },
             ("tokenizer", "tokenizer_2", "tokenizer_3"),
             optional=("text_encoder_3", "tokenizer_3"),
+            flow=True,
         ),
         Family(
             "flux2-klein",
@@ -74,6 +87,7 @@ FAMILIES: dict[str, Family] = {
             "FLUX.2-klein",
             ("Flux2KleinPipeline",),
             {"transformer": _DIFFUSION, "vae": _DIFFUSION, "text_encoder": _MODEL},
+            flow=True,
         ),
         Family(
             "z-image",
@@ -81,15 +95,38 @@ FAMILIES: dict[str, Family] = {
             "Z-Image",
             ("ZImagePipeline",),
             {"transformer": _DIFFUSION, "vae": _DIFFUSION, "text_encoder": _MODEL},
+            flow=True,
         ),
     )
 }
 """Name -> family."""
 
+CONTROLNET = Family(
+    "controlnet", "", "plain ControlNets", ("ControlNetModel",), {"": _DIFFUSION}, tokenizers=(), index="config.json"
+)
+"""A network beside a prior's own, not a prior."""
+TINY_AUTOENCODER = Family(
+    "tiny-autoencoder", "", "tiny autoencoders", ("AutoencoderTiny",), {"": _DIFFUSION}, tokenizers=(),
+    index="config.json",
+)  # fmt: skip
+"""A stand-in for a prior's own autoencoder, not a prior."""
+
 
 def family_of(pipeline: str) -> Family | None:
     """The family that reads checkpoints of the diffusers class ``pipeline``."""
-    return next((family for family in FAMILIES.values() if pipeline in family.pipelines), None)
+    families = (*FAMILIES.values(), CONTROLNET, TINY_AUTOENCODER)
+    return next((family for family in families if pipeline in family.pipelines), None)
+
+
+def foreign_schedule(family: Family, scheduler: str) -> bool:
+    """Whether the class ``scheduler`` adds noise otherwise than ``family`` does; EDM's sigmas suit none (Karras 2022).
+
+    >>> foreign_schedule(FAMILIES["sdxl"], "EDMDPMSolverMultistepScheduler")
+    True
+    >>> foreign_schedule(FAMILIES["sdxl"], "DPMSolverMultistepScheduler")
+    False
+    """
+    return scheduler.startswith("EDM") or scheduler.startswith("FlowMatch") != family.flow
 
 
 def supported() -> str:

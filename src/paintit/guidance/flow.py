@@ -29,7 +29,7 @@ class FlowPrior(DiffusersPrior):
     further: the default scale of such a model is 1, which computes the conditional half alone. Others take 100, the
     scale at which Yang 2024 (RFDS) distils Stable Diffusion 3.
 
-    A model whose pipeline does not say that it is distilled is taken for it where its id contains "turbo".
+    Its pipeline says that it is distilled, or its name does: see :func:`paintit.guidance.distilled.distillation`.
     """
 
     from_index = ("is_distilled",)
@@ -40,7 +40,6 @@ class FlowPrior(DiffusersPrior):
         super().__init__(pipeline, id=id, revision=revision, loading=loading)
 
     def _spec(self, id: str, revision: str, licence: str) -> PriorSpec:
-        distilled = bool(self.pipe.config.get("is_distilled")) or "turbo" in id.lower()
         return PriorSpec(
             id=id,
             family=self.family,
@@ -48,7 +47,7 @@ class FlowPrior(DiffusersPrior):
             licence=licence,
             resolution=self._resolution(),
             prediction_type="flow",
-            guidance_scale=1.0 if distilled else 100.0,
+            guidance_scale=1.0 if self.pipe.config.get("is_distilled") else 100.0,
         )
 
     def _resolution(self) -> int:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from paintit.guidance.autoencoder import signed, unsigned
+from paintit.guidance.autoencoder import by_pictures, signed, unsigned
 from paintit.guidance.flow import FlowPrior
 
 #: Text tokens: what the pipeline pads and cuts to.
@@ -33,10 +33,10 @@ class Flux2KleinPrior(FlowPrior):
     }
 
     def _codec(self) -> PatchCodec:
-        return PatchCodec(self.pipe.vae)
+        return PatchCodec(self.pipe.vae, self.economy.recompute)
 
     def _encode(self, prompt: str) -> Tensor:
-        return self.pipe.encode_prompt(prompt, device=self.transformer.device, max_sequence_length=TOKENS)[0]
+        return self.pipe.encode_prompt(prompt, device=self.pipe.text_encoder.device, max_sequence_length=TOKENS)[0]
 
     def velocity(self, x_s: Tensor, s: float, text: Tensor) -> Tensor:
         zero, device = torch.arange(1), x_s.device
@@ -68,16 +68,18 @@ class PatchCodec:
     and normalised by the running statistics of the autoencoder's batch norm.
     """
 
-    def __init__(self, vae: Any) -> None:
+    def __init__(self, vae: Any, recompute: int = 0) -> None:
         self.vae = vae
+        self.recompute = recompute
         self.factor = 2 ** (len(vae.config.block_out_channels) - 1)
         """Pixels per latent, before they are joined, a side."""
 
     def encode(self, shaded: Tensor, side: int) -> Tensor:
         """(n, h, w, 3) in [0, 1] -> (n, 4 c, h', w'), h' = w' = ``side`` / (2 ``factor``), at least float32."""
-        posterior = self.vae.encode(signed(shaded, side).to(self.vae.device, self.vae.dtype)).latent_dist
+        image = signed(shaded, side).to(self.vae.device, self.vae.dtype)
+        posterior = by_pictures(lambda part: self.vae.encode(part).latent_dist.mean, image, self.recompute)
         mean, std = self._statistics()
-        patches = functional.pixel_unshuffle(posterior.mean.to(mean.dtype), 2)
+        patches = functional.pixel_unshuffle(posterior.to(mean.dtype), 2)
         return (patches - mean) / std
 
     @torch.no_grad()

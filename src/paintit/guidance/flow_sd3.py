@@ -38,7 +38,7 @@ class SD3Prior(FlowPrior):
 
     def _encode(self, prompt: str) -> Tensor:
         rows, _, pooled, _ = self.pipe.encode_prompt(
-            prompt, None, None, device=self.transformer.device, do_classifier_free_guidance=False
+            prompt, None, None, device=self.pipe.text_encoder.device, do_classifier_free_guidance=False
         )
         last = functional.pad(pooled, (0, rows.shape[-1] - pooled.shape[-1]))
         return torch.cat([rows, last[:, None]], 1)

@@ -34,7 +34,7 @@ class ZImagePrior(FlowPrior):
 
     def _encode(self, prompt: str) -> Tensor:
         rows = self.pipe.encode_prompt(
-            prompt, device=self.transformer.device, do_classifier_free_guidance=False, max_sequence_length=TOKENS
+            prompt, device=self.pipe.text_encoder.device, do_classifier_free_guidance=False, max_sequence_length=TOKENS
         )[0][0]
         marked = functional.pad(rows, (0, 1), value=1.0)
         return functional.pad(marked, (0, 0, 0, TOKENS - len(rows)))[None]

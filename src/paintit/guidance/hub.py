@@ -7,22 +7,26 @@ import hashlib
 import importlib
 import json
 import logging
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paintit.errors import PriorError
 from paintit.guidance import remote
-from paintit.guidance.families import Family, family_of, supported
+from paintit.guidance.families import CONTROLNET, FAMILIES, Family, family_of, foreign_schedule, supported
 from paintit.guidance.known import known_prior
-from paintit.guidance.parts import INDEX, select
+from paintit.guidance.parts import inside, select
 
 if TYPE_CHECKING:
     import torch
 
 log = logging.getLogger(__name__)
 
+#: The files that say what a folder is, the one of a whole checkpoint first.
+INDICES = tuple(dict.fromkeys(family.index for family in (*FAMILIES.values(), CONTROLNET)))
 DTYPES = ("float32", "bfloat16", "float16", "float64")
 
 
@@ -38,13 +42,19 @@ class Checkpoint:
     variant: str | None
     """``fp16`` where the weights are there in that precision only."""
     index: Mapping[str, Any]
-    """``model_index.json``: the pipeline's class, ``_class_name``, and its settings."""
+    """``model_index.json``, or a single network's ``config.json``: its class, ``_class_name``, and its settings."""
+
+    @property
+    def scheduler(self) -> str:
+        """Its class; empty where it is not said, or there is none."""
+        file = self.folder / "scheduler/scheduler_config.json"
+        return str(json.loads(file.read_text("utf-8")).get("_class_name", "")) if file.is_file() else ""
 
     def has(self, part: str) -> bool:
         return (self.folder / part).is_dir()
 
     def part(self, cls: Any, name: str, dtype: torch.dtype | None = None) -> Any:
-        """``cls`` with the weights and settings in the subfolder ``name``.
+        """``cls`` with the weights and settings in the subfolder ``name``; ``""`` for a single network.
 
         Args:
             cls: a class of diffusers or transformers.
@@ -53,7 +63,7 @@ class Checkpoint:
         Raises:
             PriorError: it cannot be read.
         """
-        options: dict[str, Any] = {"subfolder": name, "local_files_only": True}
+        options: dict[str, Any] = {"local_files_only": True} | ({"subfolder": name} if name else {})
         if dtype is not None:
             precision = "dtype" if cls.__module__.startswith("transformers") else "torch_dtype"
             options |= {precision: dtype, "use_safetensors": True, "variant": self.variant}
@@ -64,7 +74,7 @@ class Checkpoint:
             reason = next(iter(str(error).strip().splitlines()), "") or type(error).__name__
             raise PriorError(
                 "prior.load",
-                f"the {name} of '{self.id}' cannot be loaded: {reason}",
+                f"the {name or 'network'} of '{self.id}' cannot be loaded: {reason}",
                 "fetch it again; a file may be cut short",
             ) from error
 
@@ -138,21 +148,26 @@ def plan_download(source: str, family: Family, revision: str = "") -> Download:
 
 
 def family_at(source: str | Path, revision: str = "", allow_download: bool = False) -> Family:
-    """The family of a folder or hub id, by its ``model_index.json``, which alone is fetched where that is allowed.
+    """The family of a folder or hub id, by its index, which alone is fetched where that is allowed.
 
     Raises:
         PriorError: it cannot be had, or no family reads such checkpoints.
     """
     folder = Path(source).expanduser()
     id = str(source)
-    file = folder / INDEX if folder.is_dir() else remote.cached(id, revision, INDEX)
+    if folder.is_dir():
+        file = next((folder / name for name in INDICES if (folder / name).is_file()), folder / INDICES[0])
+        return _family(_index(file, id), id)
+    file = next((file for name in INDICES if (file := remote.cached(id, revision, name))), None)
     if file is None and not allow_download:
         raise remote.not_cached(id, revision)
     if file is None:
-        if INDEX not in remote.ask(id, revision).sizes:
-            raise _no_index(id)
-        file = remote.fetch(id, revision, [INDEX]) / INDEX
-    return _family(_index(file.parent, id), id)
+        names = remote.ask(id, revision).sizes
+        index = next((name for name in INDICES if name in names), None)
+        if index is None:
+            raise _no_index(id, INDICES[0])
+        file = remote.fetch(id, revision, [index]) / index
+    return _family(_index(file, id), id)
 
 
 def first_source(pins: Sequence[tuple[str, str]], family: Family, allow_download: bool) -> tuple[str, str]:
@@ -197,7 +212,7 @@ def on_this_machine(source: str, family: Family, revision: str = "") -> bool:
 
 def _cached(source: str, family: Family, revision: str) -> Checkpoint:
     """The checkpoint in the cache. Half of one is as good as none."""
-    file = remote.cached(source, revision, INDEX)
+    file = remote.cached(source, revision, family.index)
     if file is None:
         raise remote.not_cached(source, revision)
     try:
@@ -210,23 +225,24 @@ def _cached(source: str, family: Family, revision: str) -> Checkpoint:
 
 def _checkpoint(folder: Path, id: str, family: Family, revision: str) -> Checkpoint:
     """``folder``, once it is seen to hold every part of such a checkpoint."""
-    index = _index(folder, id)
-    actual = _family(index, id)
-    if actual is not family:
-        raise PriorError(
-            "prior.kind", f"'{id}' is a {index['_class_name']}, of {actual.about}", f"choose one of {family.about}"
-        )
-    names = [path.relative_to(folder).as_posix() for path in folder.glob("*/*")] + [INDEX]
+    index = _index(folder / family.index, id)
+    kind = index["_class_name"]
+    if kind not in family.pipelines:
+        actual = family_of(kind)
+        of = f", of {actual.about}" if actual else ""
+        raise PriorError("prior.kind", f"'{id}' is a {kind}{of}", f"choose one of {family.about}")
+    names = [path.relative_to(folder).as_posix() for depth in ("*", "*/*") for path in folder.glob(depth)]
     selection = select(names, family, id)
     denoiser = next(iter(family.weights))
-    weights = [name for name in selection.files if name.startswith(f"{denoiser}/") and name.endswith(".safetensors")]
-    return Checkpoint(folder, id, revision or _fingerprint(folder, weights), selection.variant, index)
+    weights = [name for name in selection.files if name.startswith(inside(denoiser)) and name.endswith(".safetensors")]
+    found = Checkpoint(folder, id, revision or _fingerprint(folder, weights), selection.variant, index)
+    _check_schedule(found.scheduler, family, id)
+    return found
 
 
-def _index(folder: Path, id: str) -> dict[str, Any]:
-    file = folder / INDEX
+def _index(file: Path, id: str) -> dict[str, Any]:
     if not file.is_file():
-        raise _no_index(id)
+        raise _no_index(id, file.name)
     try:
         index = json.loads(file.read_text(encoding="utf-8"))
         index["_class_name"]
@@ -235,15 +251,26 @@ def _index(folder: Path, id: str) -> dict[str, Any]:
     return index
 
 
-def _no_index(id: str) -> PriorError:
-    return PriorError("prior.folder", f"'{id}' has no {INDEX}", "give a folder that diffusers saved")
+def _no_index(id: str, name: str) -> PriorError:
+    return PriorError("prior.folder", f"'{id}' has no {name}", "give a folder that diffusers saved")
 
 
 def _family(index: Mapping[str, Any], id: str) -> Family:
     family = family_of(index["_class_name"])
     if family is None:
         raise PriorError("prior.kind", f"'{id}' is a {index['_class_name']}", f"choose one of {supported()}")
+    _, scheduler = index.get("scheduler") or ("", "")  # library and class
+    _check_schedule(str(scheduler or ""), family, id)
     return family
+
+
+def _check_schedule(scheduler: str, family: Family, id: str) -> None:
+    if scheduler and foreign_schedule(family, scheduler):
+        raise PriorError(
+            "prior.schedule",
+            f"'{id}' has the noise schedule of {scheduler}, which is not that of {family.about}",
+            f"choose another checkpoint of {family.about}",
+        )
 
 
 def _fingerprint(folder: Path, names: Sequence[str]) -> str:
@@ -255,18 +282,38 @@ def _fingerprint(folder: Path, names: Sequence[str]) -> str:
     return digest.hexdigest()
 
 
-def require_extra(about: str, modules: Sequence[str] = ("diffusers", "transformers")) -> None:
+def require_extra(about: str, modules: Sequence[str] = ("diffusers", "transformers"), pipeline: str = "") -> None:
     """
+    Args:
+        about: a family or a task, in words.
+        modules: what it imports.
+        pipeline: the class of diffusers that it needs.
+
     Raises:
-        PriorError: a package that ``about``, a family or a task in words, needs is not installed.
+        PriorError: a package is not installed, is broken, or is too old.
     """
+    extra = "'paintit[diffusers]'"
     for module in modules:
         try:
             importlib.import_module(module)
         except ImportError as error:
+            if isinstance(error, ModuleNotFoundError) and module.startswith(error.name or module):
+                words, command = "which is not installed", "pip install"
+            else:
+                words = f"which cannot be imported: {next(iter(str(error).splitlines()), '')}"
+                command = "pip install --upgrade"
             raise PriorError(
-                "prior.extra", f"{about} needs the package '{module}': {error}", "pip install 'paintit[diffusers]'"
+                "prior.extra", f"{about} needs the package '{module}', {words}", f"{command} {extra}"
             ) from error
+    if not pipeline:
+        return
+    with quiet():
+        there = hasattr(importlib.import_module("diffusers"), pipeline)
+    if not there:
+        raise PriorError(
+            "prior.extra", f"{about} needs a newer version of diffusers than {version('diffusers')}, which has no "
+            f"{pipeline}", f"pip install --upgrade {extra}",
+        )  # fmt: skip
 
 
 def precision(device: torch.device, dtype: str) -> torch.dtype:
@@ -291,6 +338,26 @@ def vae_precision(precision: torch.dtype) -> torch.dtype:
     import torch
 
     return torch.float32 if precision == torch.float16 else precision
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Without what the libraries say of image processors, schedulers and LoRAs: it is of no use here, or an error that
+    is raised as well and is ours to tell."""
+    import diffusers
+    import transformers
+
+    libraries: list[Any] = [diffusers.utils.logging, transformers.utils.logging]
+    levels = [library.get_verbosity() for library in libraries]
+    for library in libraries:
+        library.set_verbosity(logging.CRITICAL)
+    try:
+        with _without_bars(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for library, level in zip(libraries, levels, strict=True):
+            library.set_verbosity(level)
 
 
 @contextlib.contextmanager

@@ -25,7 +25,7 @@ class PriorInfo:
     withdrawn: tuple[str, ...]
     """Hub ids under which these weights can no longer be had."""
     revision: str
-    """Commit of the first source; empty for the newest."""
+    """Commit of the first source; empty where none is pinned."""
     licence: str
     gated: bool
     """Whether the publisher wants the licence accepted before a download."""
@@ -37,13 +37,22 @@ class PriorInfo:
     """Its weights in 16-bit floats, in megabytes; 0 where they are negligible."""
     guidance: float
     """Default s in uncond + s (cond - uncond)."""
+    sees: tuple[str, ...]
+    """What it is shown of the mesh without a ControlNet, as ``Prior.sees``; empty for most."""
+    control: Mapping[str, str]
+    """Kind of picture -> hub id of the ControlNet for it that is used."""
+    adapter: str
+    """``OWNER/NAME/FILE`` of the IP-Adapter that is used for reference pictures; empty where none is known."""
+    tiny: str
+    """Hub id of a tiny autoencoder that speaks of its latents; empty where there is none."""
     note: str
     """One line for the list."""
 
     @property
     def pins(self) -> tuple[tuple[str, str], ...]:
-        """(hub id, revision) in the order in which they are asked."""
-        return tuple((source, "" if index else self.revision) for index, source in enumerate(self.sources))
+        """(hub id, revision) in the order in which they are asked; the newest where the pinned one cannot be had."""
+        newest = [(source, "") for source in self.sources]
+        return ((self.sources[0], self.revision), *newest) if self.revision else tuple(newest)
 
 
 @cache
@@ -51,7 +60,7 @@ def known_priors() -> Mapping[str, PriorInfo]:
     """Short name -> what stands behind it, in the order of the file."""
     text = files("paintit.guidance").joinpath("priors.toml").read_text(encoding="utf-8")
     return {
-        name: PriorInfo(name, **row | {key: tuple(row[key]) for key in ("sources", "withdrawn")})
+        name: PriorInfo(name, **row | {key: tuple(row[key]) for key in ("sources", "withdrawn", "sees")})
         for name, row in tomllib.loads(text).items()
     }
 
@@ -89,6 +98,9 @@ def instead_of(source: str) -> str:
         others = [other for other in info.sources if other != source]
         if source in info.withdrawn or (source in info.sources and others):
             return f"the same weights: --prior {info.name} ({' or '.join(others)})"
+        for kind, net in info.control.items():
+            if net == source:
+                return f"another one: --control {kind}=FOLDER_OR_ID"
     family = next((info.family for info in known_priors().values() if source in info.sources), "")
     names = [info.name for info in known_priors().values() if info.sources and source not in info.sources]
     names.sort(key=lambda name: known_priors()[name].family != family)

@@ -207,9 +207,22 @@ def require(prior: Prior, loss: str) -> None:
     Raises:
         PriorError: ``"prior.loss"``.
     """
-    if loss == "rfds" and abs(sum(signal_and_noise(prior, torch.zeros(1), 0.5)) - 1) > 1e-3:
+    straight = abs(sum(signal_and_noise(prior, torch.zeros(1), 0.5)) - 1) <= 1e-3
+    require_path(prior.spec.id, straight, loss)
+
+
+def require_path(id: str, straight: bool, loss: str) -> None:
+    """
+    Args:
+        id: of a prior, which need not be loaded.
+        straight: whether it is a flow model.
+
+    Raises:
+        PriorError: ``"prior.loss"``.
+    """
+    if loss == "rfds" and not straight:
         raise PriorError(
-            "prior.loss", f"the loss 'rfds' is for flow models, and the prior '{prior.spec.id}' is none",
+            "prior.loss", f"the loss 'rfds' is for flow models, and the prior '{id}' is none",
             "choose --guidance.loss sds, or a flow model",
         )  # fmt: skip
 

@@ -34,6 +34,10 @@ class PriorSpec:
     prediction_type: str = "epsilon"
     guidance_scale: float = 7.5
     """Default s in uncond + s (cond - uncond)."""
+    economy: str = ""
+    """What is done to save memory and time, in words."""
+    added: tuple[str, ...] = ()
+    """What stands beside its network or was put into it, in words, with revisions: ControlNets, LoRAs, a picture."""
     movable: bool = False
     """Whether ``position`` and ``normal_object`` may be told in another frame, so that seeds differ."""
 
@@ -84,6 +88,24 @@ class Decoder(Protocol):
 
     def decode_image(self, x: Tensor) -> dict[str, Tensor]:
         """Inverse of ``encode_image``: (n, c, h', w') -> the ``reads`` channels, each (n, h, w, c) in [0, 1]."""
+        ...
+
+
+@runtime_checkable
+class Paced(Protocol):
+    """A prior that changes over a paint."""
+
+    def pace(self, progress: float) -> None:
+        """Told before each step, 0 at the first and 1 at the last; nothing else is remembered from step to step."""
+        ...
+
+
+@runtime_checkable
+class TextReleasing(Protocol):
+    """A prior whose text encoders can be let go before it is."""
+
+    def release_texts(self) -> None:
+        """Free them. Texts that were encoded stay known; a new one is refused from now on."""
         ...
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,11 +75,23 @@ def cached(source: str, revision: str, file: str) -> Path | None:
     return Path(found) if isinstance(found, str) else None
 
 
+def cached_folder(source: str) -> Path | None:
+    """The folder in the local cache with all that was ever fetched of the newest known state of a hub id."""
+    from huggingface_hub import constants
+    from huggingface_hub.file_download import repo_folder_name
+
+    place = Path(constants.HF_HUB_CACHE) / repo_folder_name(repo_id=source, repo_type="model")
+    newest = place / "refs/main"
+    folder = place / "snapshots" / newest.read_text("utf-8").strip() if newest.is_file() else None
+    return folder if folder and folder.is_dir() else None
+
+
 def hide_bars() -> None:
     """No progress bars of downloads, where nobody watches."""
-    from huggingface_hub.utils import disable_progress_bars
+    with contextlib.suppress(ImportError):  # who downloads says that it is needed
+        from huggingface_hub.utils import disable_progress_bars
 
-    disable_progress_bars()
+        disable_progress_bars()
 
 
 def not_cached(source: str, revision: str) -> PriorError:

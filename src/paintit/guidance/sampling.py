@@ -47,13 +47,28 @@ def sampling_prior(prior: Prior, why: str) -> SamplingPrior:
     Raises:
         PriorError: ``"prior.no_geometry"`` or ``"prior.no_decoder"``.
     """
-    hint = "choose --prior pocket, sd2-depth, or another depth-conditioned Stable Diffusion"
-    need = f"{why} samples views of the mesh, but the prior '{prior.spec.id}'"
-    if not prior.sees:
-        raise PriorError("prior.no_geometry", f"{need} sees no geometry", hint)
+    require_geometry(prior.spec.id, bool(prior.sees), why)
     if not isinstance(prior, Decoder):
-        raise PriorError("prior.no_decoder", f"{need} cannot turn its samples into pictures", hint)
+        need = f"{why} samples views of the mesh, but the prior '{prior.spec.id}'"
+        raise PriorError("prior.no_decoder", f"{need} cannot turn its samples into pictures", "choose --prior pocket")
     return prior  # type: ignore[return-value]
+
+
+def require_geometry(id: str, sees: bool, why: str) -> None:
+    """
+    Args:
+        id: of a prior, which need not be loaded.
+        sees: whether it is shown the mesh.
+        why: what needs that, for the message.
+
+    Raises:
+        PriorError: ``"prior.no_geometry"``.
+    """
+    if not sees:
+        raise PriorError(
+            "prior.no_geometry", f"{why} samples views of the mesh, but the prior '{id}' sees no geometry",
+            "choose --prior pocket or sd2-depth, or show it the depth: --control depth",
+        )  # fmt: skip
 
 
 def noise_levels(start: float, steps: int) -> list[float]:

@@ -1,14 +1,17 @@
-"""Which noise levels are sampled when: the timestep range as a pure function of progress (supp. A.2)."""
+"""Which noise levels are sampled when, and with which scale of guidance: pure functions of progress (supp. A.2)."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import torch
 
-from paintit.config import GuidanceConfig
+from paintit.config import GuidanceConfig, PaintConfig
 from paintit.errors import UsageError
 
+#: The scale at which diffusion models are usually sampled; distillation wants far more of most.
+SAMPLING_SCALE = 7.5
 #: Lowest and highest t, fractions of the prior's training schedule.
 Range = tuple[float, float]
 
@@ -78,3 +81,26 @@ def choose_t(guidance: GuidanceConfig, progress: float, generator: torch.Generat
     if guidance.timesteps == "non-increasing":
         return falling_t(*settings)
     return sample_t(timestep_range(*settings), generator)
+
+
+def with_scales(config: PaintConfig, own: float) -> PaintConfig:
+    """``config`` with numbers where a scale is ``auto``: ``own``, the prior's, and for sampling at most 7.5 of it."""
+    guidance, projection = config.guidance, config.projection
+    if guidance.scale is None:
+        guidance = dataclasses.replace(guidance, scale=own)
+    if projection.scale is None:
+        projection = dataclasses.replace(projection, scale=min(own, SAMPLING_SCALE))
+    return dataclasses.replace(config, guidance=guidance, projection=projection)
+
+
+def settled(scale: float | None) -> float:
+    """``scale``, once :func:`with_scales` has seen to it that there is one."""
+    if scale is None:
+        raise ValueError("the scale is auto still")
+    return scale
+
+
+def choose_scale(guidance: GuidanceConfig, progress: float) -> float:
+    """s of the step at ``progress``."""
+    scale, end = settled(guidance.scale), guidance.scale_end
+    return scale if end is None else scale + progress * (end - scale)

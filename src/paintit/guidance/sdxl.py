@@ -43,6 +43,8 @@ class SDXLPrior(DdpmPrior):
     def _spec(self, id: str, revision: str, licence: str) -> PriorSpec:
         # diffusers' configs are attribute dictionaries that its annotations do not describe.
         config: Any = self.unet.config
+        self._pooled = int(self.pipe.text_encoder_2.config.projection_dim)
+        """Width of the pooled embedding."""
         _check_network(config, LatentCodec(self.pipe.vae).channels, self._pooled, id)
         return PriorSpec(
             id=id,
@@ -53,11 +55,6 @@ class SDXLPrior(DdpmPrior):
             prediction_type=prediction_of(self.pipe.scheduler, id),
             guidance_scale=101.0,
         )
-
-    @property
-    def _pooled(self) -> int:
-        """Width of the pooled embedding."""
-        return int(self.pipe.text_encoder_2.config.projection_dim)
 
     def _encode(self, prompt: str) -> Tensor:
         """(1, tokens + 1, d): hidden states, then the pooled embedding."""
@@ -74,13 +71,17 @@ class SDXLPrior(DdpmPrior):
         packed = torch.cat([words, functional.pad(pooled, (0, words.shape[-1] - self._pooled))[:, None]], 1)
         return torch.zeros_like(packed) if pipe.config.force_zeros_for_empty_prompt and not prompt else packed
 
-    def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
+    def _denoise(self, x_t: Tensor, timestep: Tensor, text: Tensor, geometry: Tensor | None) -> Tensor:
         side = self.spec.resolution
-        text = text.to(self.unet.dtype)
+        x_t = x_t.to(self.unet.dtype)
+        packed, pictures = self._unpack(text.to(self.unet.dtype))
+        words, pooled = packed[:, :-1], packed[:, -1, : self._pooled]
         # Original height and width, top and left of the crop, target height and width.
-        sizes = torch.tensor([[side, side, 0, 0, side, side]], dtype=text.dtype, device=text.device)
-        added = {"text_embeds": text[:, -1, : self._pooled], "time_ids": sizes.expand(len(text), -1)}
-        return self.unet(inputs.to(self.unet.dtype), timestep, text[:, :-1], added_cond_kwargs=added).sample
+        sizes = torch.tensor([[side, side, 0, 0, side, side]], dtype=packed.dtype, device=packed.device)
+        more: dict[str, Any] = {"added_cond_kwargs": {"text_embeds": pooled, "time_ids": sizes.expand(len(packed), -1)}}
+        if geometry is not None and self.controls:
+            more |= self.controls(x_t, timestep, words, geometry, **more)
+        return self.unet(x_t, timestep, (words, pictures) if pictures else words, **more).sample
 
 
 def _check_network(config: Any, latent: int, pooled: int, id: str) -> None:

@@ -67,14 +67,22 @@ class StableDiffusionPrior(DdpmPrior):
         ids = token_ids(tokenizer, prompt, tokenizer.model_max_length).input_ids
         return encoder(ids.to(encoder.device))[0]
 
-    def _denoise(self, inputs: Tensor, timestep: int, text: Tensor) -> Tensor:
-        return self.unet(inputs.to(self.unet.dtype), timestep, text.to(self.unet.dtype)).sample
+    def _denoise(self, x_t: Tensor, timestep: Tensor, text: Tensor, geometry: Tensor | None) -> Tensor:
+        inputs = x_t.to(self.unet.dtype)
+        words, pictures = self._unpack(text.to(self.unet.dtype))
+        added: dict[str, Any] = {}
+        if geometry is not None and self.controls:
+            added = self.controls(inputs, timestep, words, geometry)
+        elif geometry is not None:
+            inputs = torch.cat([inputs, geometry.to(inputs)], 1)
+        return self.unet(inputs, timestep, (words, pictures) if pictures else words, **added).sample
 
     @torch.no_grad()
     def encode_geometry(self, channels: Mapping[str, Tensor]) -> Tensor | None:
-        """None, or inverse depth (n, 1, resolution / 8, resolution / 8), see :func:`depth.relative_disparity`."""
-        if not self.sees:
-            return None
+        """None, or inverse depth (n, 1, resolution / 8, resolution / 8), see :func:`depth.relative_disparity`, or what
+        ControlNets look at."""
+        if self.controls or not self.sees:
+            return super().encode_geometry(channels)
         return relative_disparity(channels["depth"], channels["mask"], self.spec.resolution // self.codec.factor)
 
 

@@ -15,11 +15,12 @@ from torch import Tensor
 from paintit.config import PaintConfig
 from paintit.device import choose_device
 from paintit.guidance.load import load_prior
-from paintit.guidance.loading import Loading
 from paintit.guidance.losses import Words
-from paintit.guidance.prior import Prior, Reader
+from paintit.guidance.prior import Prior, Reader, TextReleasing
 from paintit.guidance.prompt import Prompts
+from paintit.guidance.schedule import with_scales
 from paintit.mesh.mesh import Mesh
+from paintit.paint.footprint import loading_for
 from paintit.paint.gutters import Gutters
 from paintit.paint.placement import Placement
 from paintit.paint.views import Views, focus_note, focus_regions
@@ -73,7 +74,9 @@ class Method(ABC):
         profile: wait for the device after each stage so that ``Step.timings`` are true on a GPU.
 
     Attributes:
+        config: the settings, with the prior's own numbers for the scales that are ``auto``.
         step, total: steps done, and in all.
+        profile: as given; may be changed between two steps.
         support: (layers, h, w) how much of the views each texel has been. An exporter takes texels that were next to
             none from their neighbours.
     """
@@ -94,11 +97,11 @@ class Method(ABC):
         profile: bool = False,
     ) -> None:
         self.mesh = mesh
-        self.config = config
         self.prompts = Prompts.of(prompt, config, [region.name for region in focus_regions(mesh, config.views)])
         self.device, self.device_reason = choose_device(config.device)
         self.streams = Streams(config.seed)
-        self.prior = prior or load_prior(config.guidance.prior, Loading.of(config, self.device))
+        self.prior = prior or load_prior(config.guidance.prior, loading_for(mesh, config, self.device))
+        self.config = with_scales(config, self.prior.spec.guidance_scale)
         environment = light or prefilter(load_environment(config.light.path, config.light.exposure), self.device)
         self.light = environment.to(self.device)
         self.geometry = Geometry.from_mesh(mesh, self.device)
@@ -111,8 +114,10 @@ class Method(ABC):
         self.fill_gutters = Gutters(mesh, size, self.device)
         self.support = torch.zeros(len(mesh.layers), size, size, device=self.device)
         self.step = 0
-        self._profile = profile
+        self.profile = profile
         self._text = {text: self.prior.encode_text([text]) for text in self.sent_prompts}
+        if prior is None and isinstance(self.prior, TextReleasing):
+            self.prior.release_texts()
 
     @property
     def sent_prompts(self) -> tuple[str, ...]:
@@ -183,13 +188,13 @@ class Clock:
     """
 
     def __init__(self, device: torch.device, synchronize: bool) -> None:
-        self._wait = synchronize and device.type == "cuda"
+        self._gpu = device if synchronize and device.type == "cuda" else None
         self.seconds: dict[str, float] = {}
         self._last = time.perf_counter()
 
     def __call__(self, name: str) -> None:
-        if self._wait:
-            torch.cuda.synchronize()
+        if self._gpu:
+            torch.cuda.synchronize(self._gpu)
         now = time.perf_counter()
         self.seconds[name] = now - self._last
         self._last = now

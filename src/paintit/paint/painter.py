@@ -16,8 +16,8 @@ from torch import Tensor
 from paintit.config import PaintConfig
 from paintit.errors import PaintitError
 from paintit.guidance.losses import distil, require
-from paintit.guidance.prior import Prior
-from paintit.guidance.schedule import choose_t
+from paintit.guidance.prior import Paced, Prior
+from paintit.guidance.schedule import choose_scale, choose_t
 from paintit.mesh.mesh import Mesh
 from paintit.paint.method import Clock, Method, Step
 from paintit.paint.views import Views, ViewSampler
@@ -61,12 +61,12 @@ class Painter(Method):
         self.sample_views = ViewSampler(mesh, config.views)
         points = self._points() if config.texture.kind == "points" else None
         self.field = make_field(config.texture, sum(self._painted), self.streams["field"], points).to(self.device)
-        self.optimizer = torch.optim.Adam(self.field.parameters(), lr=config.optim.lr)
+        self.optimizer = torch.optim.Adam(self.field.parameters(), lr=config.optim.lr, fused=True)
         self.total = config.optim.steps
 
     def _advance(self) -> Step:
         """One step of Paint-it."""
-        config, streams, clock = self.config, self.streams, Clock(self.device, self._profile)
+        config, streams, clock = self.config, self.streams, Clock(self.device, self.profile)
 
         maps = with_fixed(self.field(), self._fixed, self._painted)  # T_theta(z), 3.3
         clock("network")
@@ -80,9 +80,9 @@ class Painter(Method):
         t = choose_t(guidance, progress, streams["t"])
         noise = torch.randn((1, *x.shape[1:]), generator=streams["noise"]).to(x)  # one epsilon for all views
         words = self._embed(views)
-        scale = guidance.scale
-        if guidance.scale_end is not None:
-            scale += progress * (guidance.scale_end - scale)
+        if isinstance(self.prior, Paced):
+            self.prior.pace(progress)
+        scale = choose_scale(guidance, progress)
         geometry = self.prior.encode_geometry(self.place(image.geometry()))
         gradient, record = distil(guidance, self.prior, x, words, t, noise, scale, progress, geometry)  # eq. 1 and 3
         clock("guidance")

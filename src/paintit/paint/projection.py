@@ -18,6 +18,7 @@ from paintit.color import decode_srgb, encode_srgb
 from paintit.config import PaintConfig
 from paintit.guidance.prior import Prior
 from paintit.guidance.sampling import Known, sample, sampling_prior
+from paintit.guidance.schedule import settled
 from paintit.mesh.mesh import Mesh
 from paintit.mesh.uv import nearest_covered
 from paintit.paint.backproject import Pixels, Texels, look_up, quality
@@ -86,7 +87,7 @@ class Projector(Method):
 
     def _advance(self) -> Step:
         """One view."""
-        streams, settings, clock = self.streams, self.config.projection, Clock(self.device, self._profile)
+        streams, settings, clock = self.streams, self.config.projection, Clock(self.device, self.profile)
         best = self.fill_gutters.filled(self._best[..., None])[..., 0]
         views = self.next_view(self.step, best, streams["views"])
         clock("view")
@@ -102,7 +103,7 @@ class Projector(Method):
         known = Known(x, F.adaptive_max_pool2d(free_below[:, None], x.shape[-2:]))
         x = sample(
             self._sampled, noise, words.text, words.negative, geometry,
-            scale=settings.scale, steps=settings.steps, start=START, known=known,
+            scale=settled(settings.scale), steps=settings.steps, start=START, known=known,
             eta=settings.eta, generator=streams["noise"],
         )  # fmt: skip
         clock("sampling")

@@ -27,10 +27,10 @@ from paintit.export.seams import seam_figure
 from paintit.export.write import write
 from paintit.files import atomic, make_folder, output_error
 from paintit.guidance.load import load_prior
-from paintit.guidance.loading import Loading
-from paintit.guidance.prior import Prior
+from paintit.guidance.prior import Prior, TextReleasing
 from paintit.mesh.mesh import Mesh
 from paintit.paint import checkpoint
+from paintit.paint.footprint import loading_for
 from paintit.paint.make import make_painter
 from paintit.paint.method import Method, Step
 from paintit.render.light import load_environment, prefilter
@@ -91,9 +91,12 @@ def _painter(mesh: Mesh, prompt: str, request: Request, prior: Prior | None) -> 
     config = request.config
     device, _ = choose_device(config.device)
     environment = load_environment(config.light.path, config.light.exposure)  # before the prior, which may take minutes
-    prior = prior or load_prior(config.guidance.prior, Loading.of(config, device, request.allow_download))
+    ours = prior or load_prior(config.guidance.prior, loading_for(mesh, config, device, request.allow_download))
     fixed = unpainted_maps(mesh, config.texture.size)
-    return make_painter(mesh, prompt, config, prior, prefilter(environment, device), fixed)
+    painter = make_painter(mesh, prompt, config, ours, prefilter(environment, device), fixed)
+    if prior is None and isinstance(ours, TextReleasing):
+        ours.release_texts()
+    return painter
 
 
 def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
@@ -113,7 +116,13 @@ def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
             "run.differs", f"the mesh is not the one of this run: {old.input.get('name')} had sha256 "
             f"{str(old.input.get('sha256'))[:12]}, this file has {digest[:12]}", "give the original file",
         )  # fmt: skip
-    painter = _painter(mesh, old.prompt, request, prior)
+    painter = _painter(mesh, old.prompt, dataclasses.replace(request, config=config), prior)
+    added, before = list(painter.prior.spec.added), list(old.prior.get("added", []))
+    if added != before:
+        raise RunError(
+            "run.differs", f"the prior has {' and '.join(added) or 'no additions'} here, "
+            f"{' and '.join(before) or 'none'} in the run", "give the original files",
+        )  # fmt: skip
     if folder.checkpoint.exists():
         checkpoint.load(folder.checkpoint, painter)
     return Job(request, folder, mesh, old.prompt, painter, old)
@@ -122,7 +131,7 @@ def _resume(request: Request, named: Path, prior: Prior | None) -> Job:
 def _same_settings(old: PaintConfig, new: PaintConfig) -> None:
     for name in names():
         before, after = _value(old, name), _value(new, name)
-        if before != after:
+        if before != after and not (after is None and name.endswith(".scale")):  # whatever it was is the prior's own
             raise RunError("run.differs", f"{name} is {before} in the run, {after} here",
                            f"leave --{name.replace('_', '-')} out, or start a new run")  # fmt: skip
 
@@ -195,7 +204,7 @@ def _start(job: Job) -> Record:
         return record
     make_folder(folder.checkpoint.parent)
     with atomic(folder.config) as temporary:
-        temporary.write_text(dump_toml(job.request.config), "utf-8")
+        temporary.write_text(dump_toml(painter.config), "utf-8")  # the scales that the prior gave are kept
     source = mesh.source
     if source is not None:
         with atomic(folder.input) as temporary:
@@ -219,7 +228,7 @@ def _start(job: Job) -> Record:
             "painted": [layer.name for layer in mesh.layers if layer.painted],
             "uvs": mesh.report.uv_origin,
         },
-        prior=records.without_folders(dataclasses.asdict(painter.prior.spec)),
+        prior=records.without_folders(to_dict(painter.prior.spec)),
         light={
             "name": painter.light.name,
             "sha256": painter.light.sha256,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
+import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -17,7 +18,7 @@ from paintit.files import atomic
 
 #: Raised when a field is renamed or removed; adding one is free.
 SCHEMA = "paintit.run/1"
-_PACKAGES = ("torch", "numpy", "warp-lang", "uvunwrap", "diffusers", "transformers")
+_PACKAGES = ("torch", "numpy", "warp-lang", "uvunwrap", "diffusers", "transformers", "peft")
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,10 @@ def versions() -> dict[str, str]:
 
 
 def without_folders(value: Any) -> Any:
-    """``value`` with every absolute path cut to its last name, inside lists and dicts too."""
+    """``value`` with every absolute path cut to its last name, inside lists and dicts and behind ``key=`` too."""
     match value:
         case str():
-            flag, equals, text = value.rpartition("=") if value.startswith("-") else ("", "", value)
+            flag, equals, text = value.rpartition("=") if re.match(r"-|\w+=", value) else ("", "", value)
             if PureWindowsPath(text).is_absolute():
                 return flag + equals + PureWindowsPath(text).name
             if text.startswith(("/", "~")) and len(PurePosixPath(text).parts) > 1:
