@@ -2,11 +2,13 @@
 
     python benchmarks/losses.py                    paint what the folder lacks, then the table and the sheet
     python benchmarks/losses.py paint --part 1/2   half of the cells only (a process for each core)
+    python benchmarks/losses.py time               what a step of each costs: all take turns in one run
     python benchmarks/losses.py table              of what is painted, nothing rerun
 
 Every loss paints the same meshes, prompts and seeds with the preset ``pocket``, its guidance scale and as many steps;
-what a loss needs besides is as published. Cells are kept as they are done: stop whenever you like. ``rfds`` is not
-among them: the pocket prior is no flow model.
+what a loss needs besides is as published. Times are from a run of their own, since cells may be painted beside other
+work. Cells are kept as they are done: stop whenever you like. ``rfds`` is not among them: the pocket prior is no flow
+model.
 """
 
 from __future__ import annotations
@@ -64,6 +66,9 @@ FIGURES = {
     "delta_e": "colour error", "metallic_error": "metalness error", "roughness_error": "roughness error",
     "saturation": "saturation", "pattern": "pattern", "milliseconds": "ms per step",
 }  # fmt: skip
+STAGES = ("paint", "time", "table")
+#: Steps of a row that are timed: so many blocks of so many steps; and the file of the result.
+BLOCKS, BLOCK, TIMES = 8, 4, "milliseconds.json"
 TRUTH = "true material"
 SIDE, VIEWS, MARGIN, HEADER, LABEL = 112, 2, 6, 24, 150
 
@@ -93,7 +98,7 @@ def place(folder: Path, row: str) -> Path:
 
 
 def paint(plan: Plan, folder: Path, part: str = "1/1") -> Iterator[tuple[str, Cell, float]]:
-    """Paint what ``folder`` lacks, all rows of a cell one after another; yields each with the seconds of its steps."""
+    """Paint what ``folder`` lacks, all rows of a cell one after another; yields each with its seconds."""
     prior = load_prior("pocket")
     for row in plan.rows:
         claim(place(folder, row), {"weights": prior.spec.revision, "config": to_dict(plan.config(row))})
@@ -106,24 +111,39 @@ def paint(plan: Plan, folder: Path, part: str = "1/1") -> Iterator[tuple[str, Ce
 def _paint(plan: Plan, folder: Path, row: str, cell: Cell, prior: Prior) -> float:
     on = subject(cell.mesh, plan.size)
     painter = Painter(on.mesh, cell.prompt, plan.config(row, cell.seed), prior)
-    # The median leaves out what else the machine did in between.
-    seconds = plan.steps * statistics.median(step.seconds for step in painter)
+    seconds = sum(step.seconds for step in painter)
     save(folder, cell, finish(on.mesh, painter.maps(), painter.support), seconds, plan.steps)
     return seconds
+
+
+def time_steps(plan: Plan) -> dict[str, float]:
+    """Milliseconds of a step of each row: the mean over blocks of the medians in them, the rows taking turns.
+
+    Steps are spread over the whole paint, since what a loss asks of the prior may change in the course of it.
+    """
+    prior, mesh = load_prior("pocket"), subject(plan.meshes[0], plan.size).mesh
+    short = dataclasses.replace(plan, steps=BLOCKS * BLOCK)
+    streams = {row: iter(Painter(mesh, plan.prompts[0], short.config(row), prior)) for row in plan.rows}
+    blocks: dict[str, list[float]] = {row: [] for row in plan.rows}
+    for index in range(BLOCKS):
+        for row in plan.rows if index % 2 == 0 else reversed(plan.rows):
+            blocks[row].append(statistics.median(next(streams[row]).seconds for _ in range(BLOCK)))
+    return {row: 1000 * statistics.mean(found) for row, found in blocks.items()}
 
 
 @torch.no_grad()
 def measure(plan: Plan, folder: Path) -> tuple[dict[str, dict[str, float | None]], int]:
     """Means over the cells that every row has painted, None where a figure says nothing of any; and their number."""
     painted = [dict(load(place(folder, row))) for row in plan.rows]
+    times = json.loads(file.read_text("utf-8")) if (file := folder / TIMES).exists() else {}
     common = [cell for cell in plan.cells() if all(cell in row for row in painted)]
     if not common:
         raise SystemExit(f"no cell in {folder} is painted by every loss yet: run 'paint' first")
     means: dict[str, dict[str, float | None]] = {}
-    for row, seconds in zip(plan.rows, painted, strict=True):
+    for row in plan.rows:
         found = [_figures(plan, load_maps(place(folder, row), cell), cell) for cell in common]
-        for figures, cell in zip(found, common, strict=True):
-            figures["milliseconds"] = 1000 * seconds[cell] / plan.steps
+        for figures in found:
+            figures["milliseconds"] = times.get(row, math.nan)
         means[row] = {name: _mean([figures[name] for figures in found]) for name in FIGURES}
     return means, len(common)
 
@@ -177,7 +197,7 @@ def sheet(plan: Plan, folder: Path) -> Image.Image:
 
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("stages", nargs="*", metavar="STAGE", help="paint, table; both by default")
+    parser.add_argument("stages", nargs="*", metavar="STAGE", help="paint, time, table; all by default")
     parser.add_argument("--folder", type=Path, default=ROOT / "outputs" / "losses", help="(default: %(default)s)")
     parser.add_argument("--part", default="1/1", help="i/n: of the cells, the i-th of n parts")
     parser.add_argument("--meshes", nargs="+", default=MESHES)
@@ -188,8 +208,8 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--size", type=int, default=Plan.size, help="texels a side (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
-    if unknown := set(options.stages) - {"paint", "table"}:
-        parser.error(f"no stage is called {', '.join(sorted(unknown))}: choose from paint, table")
+    if unknown := set(options.stages) - set(STAGES):
+        parser.error(f"no stage is called {', '.join(sorted(unknown))}: choose from {', '.join(STAGES)}")
     return options
 
 
@@ -198,10 +218,14 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     seeds, rows = tuple(options.seeds), tuple(options.losses)
     plan = Plan(tuple(options.meshes), tuple(options.prompts), seeds, rows, options.steps, options.size)
-    stages = options.stages or ["paint", "table"]
+    stages = options.stages or STAGES
     if "paint" in stages:
         for row, cell, seconds in paint(plan, options.folder, options.part):
             print(f"{row:22s}{cell.name}: {seconds:.1f} s", file=sys.stderr, flush=True)
+    if "time" in stages:
+        options.folder.mkdir(parents=True, exist_ok=True)
+        with atomic(options.folder / TIMES) as temporary:
+            temporary.write_text(json.dumps(time_steps(plan), indent=1) + "\n", "utf-8")
     if "table" in stages:
         means, cells = measure(plan, options.folder)
         record = {"plan": dataclasses.asdict(plan), "cells": cells, "means": means}
