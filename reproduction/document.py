@@ -75,8 +75,9 @@ Written by `make reproduce` on {results["date"]} from `reproduction/results.json
   and Text2Tex as one projection baseline of our own (`docs/design/projection.md`), which gets material channels that
   theirs have not.
 - **Size.** {one["size"]} texels a side instead of 512; {one["budget"]["seconds"]:g} seconds a paint, not 15 minutes.
-- **Machine.** {on}. The comparison is {one["cells"]} paints, together
-  {one["hours"]:g} hours by the clock, beside whatever else the machine did; on a quiet one about 27 seconds each."""
+- **Machine.** {on}. The comparison is {one["cells"]} paints with
+  {one["budget"]["seconds"]:g} s of steps each, together {one["hours"]:g} hours by the clock, beside whatever else
+  the machine did."""
 
 
 def _comparison(one: Mapping[str, Any]) -> str:
