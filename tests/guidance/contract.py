@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 from torch import Tensor
 
@@ -63,6 +64,29 @@ def check_prior(prior: Prior, *, text_matters: bool = True, size: int = 48) -> N
         weights.append(prior.weight(t))
     assert weights == sorted(weights)
     assert 0 < weights[0] < weights[-1] <= 1
+
+
+def check_gradient(prior: Prior, size: int) -> None:
+    """The gradient through ``encode_image`` against central differences along random directions.
+
+    Args:
+        prior: in float64, reading ``shaded`` alone.
+        size: side of the picture, in pixels.
+    """
+    generator = torch.Generator().manual_seed(0)
+    image = (0.1 + 0.8 * torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64)).requires_grad_()
+    x = prior.encode_image({"shaded": image})
+    assert x.dtype == torch.float64
+    injected = torch.randn(x.shape, generator=generator, dtype=torch.float64)
+    x.backward(injected)
+    assert image.grad is not None
+    for _ in range(4):
+        direction = torch.randn(image.shape, generator=generator, dtype=torch.float64)
+        with torch.no_grad():
+            up, down = (prior.encode_image({"shaded": image + h * direction}) for h in (1e-5, -1e-5))
+        numeric = ((up - down) * injected).sum() / 2e-5
+        assert abs(numeric) > 1e-3
+        assert (image.grad * direction).sum().item() == pytest.approx(numeric.item(), rel=1e-6)
 
 
 def _levels(prior: Prior, x: Tensor, t: float) -> tuple[float, float]:

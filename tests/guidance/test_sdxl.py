@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import torch
-from tests.guidance.contract import check_prior, make_channels
+from tests.guidance.contract import check_gradient, check_prior, make_channels
 from tests.guidance.pipeline_step import guided_noise, pipeline_steps
 from tests.guidance.tiny import save_tiny_sdxl
 
@@ -164,20 +164,7 @@ def test_latents_are_scaled_as_the_pipeline_does(tmp_path: Path, config: dict[st
 
 @pytest.mark.parametrize("size", [32, 20])
 def test_gradient_through_the_encoder_matches_finite_differences(checkpoints: dict[str, Path], size: int) -> None:
-    prior = SDXLPrior.load(checkpoints["epsilon"], Loading(dtype="float64"))
-    generator = torch.Generator().manual_seed(0)
-    image = (0.1 + 0.8 * torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64)).requires_grad_()
-    latents = prior.encode_image({"shaded": image})
-    injected = torch.randn(latents.shape, generator=generator, dtype=torch.float64)
-    latents.backward(injected)
-    assert image.grad is not None
-    for _ in range(3):
-        direction = torch.randn(image.shape, generator=generator, dtype=torch.float64)
-        with torch.no_grad():
-            up, down = (prior.encode_image({"shaded": image + h * direction}) for h in (1e-5, -1e-5))
-        numeric = ((up - down) * injected).sum() / 2e-5
-        assert abs(numeric) > 1e-3
-        assert (image.grad * direction).sum().item() == pytest.approx(numeric.item(), rel=1e-6)
+    check_gradient(SDXLPrior.load(checkpoints["epsilon"], Loading(dtype="float64")), size)
 
 
 def test_a_perfect_model_has_no_gradient(prior: SDXLPrior, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from tests.guidance.contract import check_prior, make_channels
+from tests.guidance.contract import check_gradient, check_prior, make_channels
 from tests.guidance.tiny import save_tiny
 from torch.nn import functional
 
@@ -188,21 +188,7 @@ def test_text_and_latents_are_those_of_the_pipeline(checkpoints: dict[str, Path]
 
 @pytest.mark.parametrize("size", [32, 20, 48])
 def test_gradient_through_the_autoencoder_matches_finite_differences(checkpoints: dict[str, Path], size: int) -> None:
-    prior = StableDiffusionPrior.load(checkpoints["epsilon"], Loading(dtype="float64"))
-    generator = torch.Generator().manual_seed(0)
-    image = (0.1 + 0.8 * torch.rand(1, size, size, 3, generator=generator, dtype=torch.float64)).requires_grad_()
-    latents = prior.encode_image({"shaded": image})
-    injected = torch.randn(latents.shape, generator=generator, dtype=torch.float64)
-    latents.backward(injected)
-    for _ in range(4):
-        direction = torch.randn(image.shape, generator=generator, dtype=torch.float64)
-        with torch.no_grad():
-            up, down = (prior.encode_image({"shaded": image + h * direction}) for h in (1e-5, -1e-5))
-        numeric = ((up - down) * injected).sum() / 2e-5
-        assert image.grad is not None
-        analytic = (image.grad * direction).sum()
-        assert abs(numeric) > 1e-3
-        assert analytic.item() == pytest.approx(numeric.item(), rel=1e-6)
+    check_gradient(StableDiffusionPrior.load(checkpoints["epsilon"], Loading(dtype="float64")), size)
 
 
 def test_each_text_is_encoded_once(prior: StableDiffusionPrior) -> None:
