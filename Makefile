@@ -59,7 +59,7 @@ judge: $(VENV)/.dev tests/node_modules
 	$(BIN)/python -m benchmarks.transport
 	for mesh in avocado water_bottle; do \
 		$(BIN)/python benchmarks/ground_truth.py --mesh $$mesh --steps 500 --picture outputs/viewers/$${mesh}_fit.png || exit 1; done
-	$(BIN)/python benchmarks/ground_truth.py --mesh flight_helmet --steps 1000 --lr 5e-3 --views 6 --close-up 0.75 \
+	$(BIN)/python benchmarks/ground_truth.py --mesh flight_helmet --steps 2000 --lr 5e-3 --views 6 --close-up 0.75 \
 		--picture outputs/viewers/flight_helmet_fit.png
 
 reproduce: $(VENV)/.dev
