@@ -97,6 +97,17 @@ def test_a_larger_picture_needs_more_memory(cube: Path, here: Path, paintit: Cal
     assert estimate("--texture.upsample", "2") < estimate("--texture.upsample", "1")
 
 
+@pytest.mark.parametrize("kind", ["dcpbr", "pixels", "hash-grid", "points"])
+def test_a_dry_run_knows_every_kind_of_texture(kind: str, cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:
+    def estimate(size: str) -> int:
+        flags = ["--texture.kind", kind, "--texture-size", size, "--dry-run", "--json"]
+        return json.loads(paintit("paint", cube, "red", *flags).out)["data"]["memory"]
+
+    small, large = estimate("256"), estimate("1024")
+    assert 1 << 29 < small < large < 6 << 30
+    assert large - small > 250 << 20
+
+
 def test_the_config_of_a_run_repeats_it(cube: Path, here: Path, paintit: Callable[..., Ran]) -> None:
     assert paintit("paint", cube, "red plastic", "-o", "a.glb", *TINY, "--seed", "3").code == 0
     config = ["--config", "a.paintit/config.toml"]

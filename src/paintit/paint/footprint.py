@@ -18,6 +18,11 @@ from paintit.texture.field import make_field
 #: Bytes for each texel: around the texture's own network, the maps, gutters and the mip pyramid; and for each pixel of
 #: each view: g-buffer, samples, shading. (Kept for the backward pass, the most in it), counted by ``Live`` on spot.
 TEXEL, PIXEL = (80, 150), (370, 480)
+#: Of a grid, for each corner of the cell that a texel lies in: row and weight in a matrix and its transpose, held twice
+#: while they are made; and for each feature and hidden value of a texel. (Kept, the most.)
+CORNER, VALUE = (16, 32), (4, 16)
+#: Share of the texels that lie on the surface, in most layouts: ``points`` keeps only those.
+COVERED = 0.7
 #: A projection has a view and the maps, without gradients.
 MAPS = 60
 
@@ -42,8 +47,8 @@ def beside(mesh: Mesh, config: PaintConfig, device: torch.device) -> Beside:
 
 def _field(texture: TextureConfig, layers: int, device: torch.device) -> tuple[int, int]:
     """Bytes of the field: kept for the backward pass, and the most in it."""
-    if texture.kind == "points":  # a grid over all texels stands for one over those on the surface
-        texture = dataclasses.replace(texture, kind="hash-grid")
+    if texture.kind in ("hash-grid", "points"):  # sparse matrices, which cannot be outlined
+        return _grid(texture, layers)
     if texture.precision == "auto":
         precision = "bfloat16" if native_bfloat16(device) else "float32"
         texture = dataclasses.replace(texture, precision=precision)
@@ -54,3 +59,15 @@ def _field(texture: TextureConfig, layers: int, device: torch.device) -> tuple[i
             kept = live.now
             maps.backward(torch.empty_like(maps))
     return kept, live.peak
+
+
+def _grid(texture: TextureConfig, layers: int) -> tuple[int, int]:
+    """As :func:`_field`."""
+    flat = texture.kind == "hash-grid"
+    texels = layers * texture.size**2 * (1 if flat else COVERED)
+    corners = texture.grid_levels * (4 if flat else 8)
+    values = texture.grid_levels * texture.grid_features + 2 * texture.hidden
+    kept, most = (
+        int(texels * (corner * corners + value * values)) for corner, value in zip(CORNER, VALUE, strict=True)
+    )
+    return kept, most

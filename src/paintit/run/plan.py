@@ -9,10 +9,10 @@ import torch
 
 from paintit.config import PaintConfig
 from paintit.control import Control
-from paintit.device import choose_device, native_bfloat16
+from paintit.device import choose_device
 from paintit.errors import PriorError
 from paintit.guidance import additions, hub
-from paintit.guidance.economy import Budget, Choice, Economy
+from paintit.guidance.economy import Beside, Budget, Choice, Economy
 from paintit.guidance.families import FAMILIES
 from paintit.guidance.known import known_prior
 from paintit.guidance.load import controls_for, load_prior, on_this_machine, plan_memory
@@ -35,21 +35,11 @@ _REFUSED = (
     "prior.several",
 )  # fmt: skip
 
-# An estimate, fitted to peaks of the pocket preset on one Linux machine without a GPU. ``texture.upsample`` 1: 785 to
-# 930 MiB at 64 texels, 1000 MiB at 512, 2.2 GiB at 512 with six materials; 2: 880 MiB at 512, 1250 MiB at 1024. Other
-# settings are extrapolated.
-#: Bytes that Python, torch, the prior and the renderer take whatever the settings.
-_BASE = 780 << 20
-#: Channels of the maps at full size, where the network is smaller than they are or there is none.
-_MAP_CHANNELS = 8
-#: Bytes for each corner of a hash grid's cell that a texel lies in: row, weight and their transpose, twice when made.
-_CORNER = 32
-#: Share of the texels that lie on the surface (a guess): only those are kept by the texture kind ``points``.
-_COVERED = 0.6
-#: Live arrays for each channel: value, normalisation, activation and their gradients.
-_COPIES = 8
-#: Channels that live for each pixel of each view: g-buffer, samples, shading and their gradients (a guess).
-_PIXEL_CHANNELS = 260
+#: Bytes that Python, torch, the pocket prior and the renderer take whatever the settings, and those for each face.
+#: With a step's own (``paint.footprint``) the preset ``pocket`` is estimated at 926 MiB at 512 texels (measured on
+#: Linux without a GPU: 880) and 1328 at 1024 (1250); with ``texture.upsample`` 1 at 796 MiB at 64 texels (785 to
+#: 930), 1020 at 512 (1000), 2184 with six materials (2.2 GiB); a hash grid of 1024 texels at 4.4 GiB (4.2).
+BASE, FACE = 780 << 20, 400
 
 
 def plan(request: Request) -> dict[str, Any]:
@@ -81,7 +71,8 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
     projects = config.method == "projection"
     steps, count = (config.projection.views, 1) if projects else (config.optim.steps, config.views.count)
     prior, own_scale = _prior(request)
-    choice = _choice(request, mesh, device)
+    step = beside(mesh, config, device)
+    choice = _choice(request, step, device)
     return {
         "mesh": mesh.source.path.name if mesh.source else "",
         "faces": len(mesh.faces),
@@ -100,7 +91,7 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
         "device": str(device),
         "device_reason": reason,
         "seed": config.seed,
-        "memory": choice.bytes if choice else memory(config, len(painted), len(mesh.faces)),
+        "memory": choice.bytes if choice else BASE + FACE * len(mesh.faces) + step.peak,
         **({"economy": choice.economy.words or "nothing needs to be saved"} if choice else {}),
         "run": str(folder.folder),
         "files": [str(path) for path in files],
@@ -150,7 +141,7 @@ def _prior(request: Request) -> tuple[str, float | None]:
     return text, prior.spec.guidance_scale
 
 
-def _choice(request: Request, mesh: Mesh, device: torch.device) -> Choice | None:
+def _choice(request: Request, step: Beside, device: torch.device) -> Choice | None:
     """What a large prior that is on this machine would do to save memory; None for all others.
 
     Raises:
@@ -158,7 +149,7 @@ def _choice(request: Request, mesh: Mesh, device: torch.device) -> Choice | None
     """
     config = request.config
     try:
-        loading = Loading.of(config, device, beside=beside(mesh, config, device))
+        loading = Loading.of(config, device, beside=step)
         return plan_memory(config.guidance.prior, loading)
     except PriorError as error:
         if error.code in ("prior.memory", "prior.tiny"):
@@ -179,25 +170,3 @@ def _guidance(config: PaintConfig, own: float | None) -> str:
         end = used.guidance.scale_end
         text = f"scale {used.guidance.scale:g}" + ("" if end is None else f", falling to {end:g}")
     return text + (", from the prior's own" if given is None else "")
-
-
-def memory(config: PaintConfig, layers: int, faces: int) -> int:
-    """Estimated bytes at the peak of one step, without the weights of a large prior."""
-    texture = config.texture
-    device, _ = choose_device(config.device)
-    short = texture.precision == "bfloat16" or (texture.precision == "auto" and native_bfloat16(device))
-    texels = layers * texture.size**2
-    network = 0.0
-    projects = config.method == "projection"
-    if texture.kind == "dcpbr" and not projects:
-        widths = zip(texture.widths, texture.skip_widths, strict=True)
-        channels = sum((2 * width + skip) / 4**level for level, (width, skip) in enumerate(widths))
-        network = (2 if short else 4) * channels / texture.upsample**2
-    maps = 0 if network and texture.upsample == 1 else 4 * _MAP_CHANNELS
-    grid = 0.0
-    if texture.kind in ("hash-grid", "points") and not projects:
-        corners, share = (4, 1.0) if texture.kind == "hash-grid" else (8, _COVERED)
-        encoded = texture.grid_levels * texture.grid_features
-        grid = share * (_CORNER * texture.grid_levels * corners + 16 * (encoded + 2 * texture.hidden))
-    pixels = (1 if projects else config.views.count) * config.views.size**2
-    return int(_BASE + (_COPIES * (network + maps) + grid) * texels + 4 * _PIXEL_CHANNELS * pixels + 400 * faces)
