@@ -55,6 +55,11 @@ def test_a_dry_run_shows_it(cube: Path, here: Path, prior: Path, paintit: Comman
     assert "economy" not in json.loads(paintit("paint", cube, "red", "--dry-run", "--json", *TINY).out)["data"]
 
 
+def test_a_dry_run_says_that_a_prior_which_is_not_here_is_not_counted(cube: Path, here: Path, paintit: Command) -> None:
+    ran = paintit("paint", cube, "red", "--prior", "sdxl", "--memory", "12", "--dry-run", "--json", *TINY)
+    assert json.loads(ran.out)["data"]["economy"].endswith("the memory above is without it")
+
+
 def test_everything_at_once(cube: Path, here: Path, prior: Path, tmp_path: Path, paintit: Command) -> None:
     small = save_tiny_autoencoder(tmp_path / "taesd")
     saving = ("--compute.chunk", "1", "--compute.recompute", "1", "--compute.tiny-vae", small)

@@ -73,6 +73,10 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
     prior, own_scale = _prior(request)
     step = beside(mesh, config, device)
     choice = _choice(request, step, device)
+    known = known_prior(config.guidance.prior)
+    economy = choice and (choice.economy.words or "nothing needs to be saved")
+    if choice is None and known is not None and known.sources:
+        economy = "chosen once the prior is on this machine; the memory above is without it"
     return {
         "mesh": mesh.source.path.name if mesh.source else "",
         "faces": len(mesh.faces),
@@ -92,7 +96,7 @@ def _plan(request: Request, folder: RunFolder, mesh: Mesh, prompt: str) -> dict[
         "device_reason": reason,
         "seed": config.seed,
         "memory": choice.bytes if choice else BASE + FACE * len(mesh.faces) + step.peak,
-        **({"economy": choice.economy.words or "nothing needs to be saved"} if choice else {}),
+        **({"economy": economy} if economy else {}),
         "run": str(folder.folder),
         "files": [str(path) for path in files],
     }
