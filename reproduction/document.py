@@ -26,7 +26,7 @@ PAPER_RATIOS = "2.19, 1.79, 1.78, 1.67, 1.00"
 FINDINGS = Path(__file__).parent / "findings.md"
 #: Figure of the results -> heading, decimals.
 COLUMNS = {
-    "fid_pocket": ("FID", 1), "kid_pocket": ("KID", 3), "named": ("named", 2), "delta_e": ("ΔE00", 1),
+    "fid_pocket": ("FID", 2), "kid_pocket": ("KID", 3), "named": ("named", 2), "delta_e": ("ΔE00", 1),
     "roughness_error": ("roughness", 2), "metallic_error": ("metalness", 2), "pattern": ("pattern", 2),
     "relighting": ("relit", 3), "saturation": ("saturation", 2), "seam": ("seam", 2), "flatness": ("baked", 2),
 }  # fmt: skip

@@ -75,7 +75,7 @@ def results(seeds: list[int]) -> dict:
 def test_the_page_says_what_was_measured_and_how_often():
     page = document.page(results([0, 1]))
     assert "1 prompt x 1 mesh (spot) x 2 seeds; each method for the same 3 s" in page
-    assert "| DC-PBR | 5 | 1.2 ± 0.5 |" in page
+    assert "| DC-PBR | 5 | 1.25 ± 0.50 |" in page
     assert "| 216.60 |" in page
     assert "10 (8 to 12)" in page
     assert "never" in page
